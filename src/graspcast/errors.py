@@ -1,0 +1,89 @@
+"""Every error that graspcast raises on purpose.
+
+::
+
+    GraspcastError
+    ├── InputError            something from outside is wrong: a file, a column, a value, an argument
+    │   ├── FormatError       a file does not hold what its format promises
+    │   ├── UnknownNameError  a name that nobody knows; the message lists those that are known
+    │   └── MismatchError     two inputs are each fine, but do not belong together
+    └── ExtraMissingError     an optional dependency is not installed; the message has the pip line
+
+The command line turns each of them into one message and exit code 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from os import PathLike
+
+__all__ = [
+    "ExtraMissingError",
+    "FormatError",
+    "GraspcastError",
+    "InputError",
+    "MismatchError",
+    "UnknownNameError",
+]
+
+
+class GraspcastError(Exception):
+    """The base of every error that graspcast raises on purpose."""
+
+
+class InputError(GraspcastError):
+    """Something that came from outside is wrong; the message says what, where, and the remedy."""
+
+
+class FormatError(InputError):
+    """A file does not hold what its format promises.
+
+    Args:
+        path: The file.
+        problem: What is wrong and what to do, as one or two sentences.
+        where: A row, a key or a line in the file, where it is known.
+    """
+
+    def __init__(self, path: str | PathLike[str], problem: str, *, where: str | None = None):
+        self.path = path
+        self.problem = problem
+        self.where = where
+        super().__init__(f"{path}{f', {where}' if where else ''}: {problem}")
+
+
+class UnknownNameError(InputError):
+    """A name that is not among the known ones.
+
+    Args:
+        kind: What the name should have named, for example ``"estimator"``.
+        name: The name that was given.
+        known: The names that exist.
+        hint: One more sentence on what to do.
+    """
+
+    def __init__(self, kind: str, name: object, known: Iterable[object], *, hint: str = ""):
+        names = [str(k) for k in known]
+        near = get_close_matches(str(name), names, n=1)
+        message = f"unknown {kind} {str(name)!r}"
+        message += f" (did you mean {near[0]!r}?)" if near else ""
+        message += f"; known: {', '.join(names) if names else 'none'}"
+        super().__init__(message + (f". {hint}" if hint else ""))
+
+
+class MismatchError(InputError):
+    """Two inputs are each fine, but do not belong together."""
+
+
+class ExtraMissingError(GraspcastError):
+    """An optional dependency is not installed.
+
+    Args:
+        package: The package that could not be imported.
+        extra: The extra of graspcast that brings it.
+    """
+
+    def __init__(self, package: str, extra: str):
+        super().__init__(
+            f"this needs {package}, which is not installed: pip install 'graspcast[{extra}]'"
+        )

@@ -1,0 +1,196 @@
+"""Batches of rigid transforms.
+
+A transform ``a_T_b`` is a 4x4 float64 matrix that maps points of frame b into frame a; every
+function takes and returns batches with any leading shape, ``(..., 4, 4)``. Metres and radians;
+quaternions are wxyz with a non-negative real part.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+__all__ = [
+    "compose",
+    "euler_zyx",
+    "exp",
+    "invert",
+    "is_identity",
+    "log",
+    "project_to_rotation",
+    "quaternion",
+    "rotation_angle",
+    "rotation_from_quaternion",
+    "rotation_from_vector",
+    "rotation_vector",
+    "transform",
+    "transform_points",
+]
+
+_SMALL_ANGLE = 1e-6
+
+
+def transform(
+    rotation: Float[ndarray, "*#batch 3 3"], translation: Float[ndarray, "*#batch 3"]
+) -> Float[ndarray, "*batch 4 4"]:
+    """Build transforms from rotation matrices and translations in metres."""
+    batch = np.broadcast_shapes(rotation.shape[:-2], translation.shape[:-1])
+    out = np.zeros((*batch, 4, 4))
+    out[..., :3, :3] = rotation
+    out[..., :3, 3] = translation
+    out[..., 3, 3] = 1.0
+    return out
+
+
+def compose(
+    first: Float[ndarray, "*#batch 4 4"], *others: Float[ndarray, "*#batch 4 4"]
+) -> Float[ndarray, "*batch 4 4"]:
+    """``a_T_b, b_T_c, …`` to ``a_T_z``: the product, left to right."""
+    for other in others:
+        first = first @ other
+    return first
+
+
+def invert(a_T_b: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 4 4"]:
+    """``a_T_b`` to ``b_T_a``, with the transposed rotation (no general matrix inverse)."""
+    rotation = np.swapaxes(a_T_b[..., :3, :3], -1, -2)
+    return transform(rotation, -np.einsum("...ij,...j->...i", rotation, a_T_b[..., :3, 3]))
+
+
+def transform_points(
+    a_T_b: Float[ndarray, "*batch 4 4"], points_b: Float[ndarray, "v 3"]
+) -> Float[ndarray, "*batch v 3"]:
+    """Map the same points by every transform of the batch."""
+    rotated: ndarray = points_b @ np.swapaxes(a_T_b[..., :3, :3], -1, -2)
+    return rotated + a_T_b[..., None, :3, 3]
+
+
+def is_identity(a_T_b: Float[ndarray, "*batch 4 4"]) -> Bool[ndarray, "*batch"]:
+    """Where a transform is exactly the identity, the placeholder for 'nothing found'."""
+    return np.all(a_T_b == np.eye(4), axis=(-2, -1))
+
+
+def quaternion(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch 4"]:
+    """Rotation matrices to unit quaternions wxyz with w >= 0.
+
+    Each component's magnitude comes from the diagonal and the largest one fixes the signs of the
+    others (Shepperd 1978), so that no case divides by a small number.
+    """
+    r = rotation
+    d0, d1, d2 = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
+    # Rows of 4 q q^T, one for each choice of the leading component.
+    a, b, c = r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]
+    d, e, f = r[..., 1, 0] + r[..., 0, 1], r[..., 0, 2] + r[..., 2, 0], r[..., 2, 1] + r[..., 1, 2]
+    outer = np.stack(
+        [
+            np.stack([1 + d0 + d1 + d2, a, b, c], axis=-1),
+            np.stack([a, 1 + d0 - d1 - d2, d, e], axis=-1),
+            np.stack([b, d, 1 - d0 + d1 - d2, f], axis=-1),
+            np.stack([c, e, f, 1 - d0 - d1 + d2], axis=-1),
+        ],
+        axis=-2,
+    )
+    leading = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
+    q: ndarray = np.take_along_axis(outer, leading[..., None, None], axis=-2)[..., 0, :]
+    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    return np.where(q[..., :1] < 0, -q, q)
+
+
+def rotation_from_quaternion(q: Float[ndarray, "*batch 4"]) -> Float[ndarray, "*batch 3 3"]:
+    """Quaternions wxyz of any non-zero length to rotation matrices."""
+    w, x, y, z = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def rotation_angle(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch"]:
+    """The angle of a rotation, in [0, pi]; accurate near 0 and near pi, where acos is not."""
+    q = quaternion(rotation)
+    return 2.0 * np.arctan2(np.linalg.norm(q[..., 1:], axis=-1), q[..., 0])
+
+
+def rotation_vector(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch 3"]:
+    """The logarithm of a rotation: its axis times its angle in [0, pi]."""
+    q = quaternion(rotation)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, q[..., :1])
+    # angle / sine tends to 2 at the identity.
+    factor = np.where(sine > _SMALL_ANGLE, angle / np.maximum(sine, _SMALL_ANGLE), 2.0)
+    return factor * q[..., 1:]
+
+
+def _skew(v: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch 3 3"]:
+    x, y, z = np.moveaxis(v, -1, 0)
+    o = np.zeros_like(x)
+    rows = [[o, -z, y], [z, o, -x], [-y, x, o]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def rotation_from_vector(vector: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch 3 3"]:
+    """The exponential of a rotation vector (Rodrigues' formula)."""
+    half = 0.5 * np.linalg.norm(vector, axis=-1, keepdims=True)
+    # np.sinc(x) is sin(pi x) / (pi x), smooth through zero.
+    return rotation_from_quaternion(
+        np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * vector], axis=-1)
+    )
+
+
+def log(a_T_b: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 6"]:
+    """The twist (translation part in metres, rotation vector in radians) whose exponential it is.
+
+    Barfoot, *State Estimation for Robotics*, eq. 7.95; the rotation angle must be below pi.
+    """
+    phi = rotation_vector(a_T_b[..., :3, :3])
+    angle = np.linalg.norm(phi, axis=-1)[..., None, None]
+    k = _skew(phi)
+    safe = np.maximum(angle, 1e-4)
+    # Inverse of the left Jacobian; its series starts at 1/12.
+    quadratic = np.where(
+        angle > 1e-4, (1 - 0.5 * safe / np.tan(0.5 * safe)) / (safe * safe), 1.0 / 12.0
+    )
+    inverse_jacobian = np.eye(3) - 0.5 * k + quadratic * (k @ k)
+    rho = np.einsum("...ij,...j->...i", inverse_jacobian, a_T_b[..., :3, 3])
+    return np.concatenate([rho, phi], axis=-1)
+
+
+def exp(twist: Float[ndarray, "*batch 6"]) -> Float[ndarray, "*batch 4 4"]:
+    """The rigid transform of a twist (translation part, rotation vector); inverse of :func:`log`."""
+    rho, phi = twist[..., :3], twist[..., 3:]
+    angle = np.linalg.norm(phi, axis=-1)[..., None, None]
+    k = _skew(phi)
+    safe = np.maximum(angle, 1e-4)
+    linear = np.where(angle > 1e-4, (1 - np.cos(safe)) / (safe * safe), 0.5)
+    quadratic = np.where(angle > 1e-4, (safe - np.sin(safe)) / safe**3, 1.0 / 6.0)
+    jacobian = np.eye(3) + linear * k + quadratic * (k @ k)
+    return transform(rotation_from_vector(phi), np.einsum("...ij,...j->...i", jacobian, rho))
+
+
+def euler_zyx(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch 3"]:
+    """Angles (x, y, z) in radians with ``R = Rz(z) Ry(y) Rx(x)``, x and z in (-pi, pi].
+
+    At the singularity (y = ±pi/2) x carries the whole rotation and z is zero.
+    """
+    r = rotation
+    cosine = np.hypot(r[..., 0, 0], r[..., 1, 0])
+    singular = cosine < 1e-6
+    x = np.where(
+        singular,
+        np.arctan2(-r[..., 1, 2], r[..., 1, 1]),
+        np.arctan2(r[..., 2, 1], r[..., 2, 2]),
+    )
+    y = np.arctan2(-r[..., 2, 0], cosine)
+    z = np.where(singular, 0.0, np.arctan2(r[..., 1, 0], r[..., 0, 0]))
+    return np.stack([x, y, z], axis=-1)
+
+
+def project_to_rotation(matrix: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch 3 3"]:
+    """The rotation nearest to each matrix in the Frobenius norm (orthogonal Procrustes)."""
+    u, _, vt = np.linalg.svd(matrix)
+    sign = np.ones(matrix.shape[:-1])
+    sign[..., 2] = np.linalg.det(u @ vt)
+    return (u * sign[..., None, :]) @ vt
