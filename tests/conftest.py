@@ -1,0 +1,26 @@
+"""Where tests find the published data, and what happens where there is none."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def data_dir() -> Path:
+    """The published data; a test that asks for it is skipped where it is absent."""
+    beside = Path(__file__).parents[2] / "shared" / "data"
+    directory = Path(os.environ.get("GRASPCAST_DATA") or beside)
+    if not (directory / "published").is_dir():
+        pytest.skip(
+            f"the published data is not at {directory}: set GRASPCAST_DATA to a directory "
+            "that holds published/, raw/ and bop/"
+        )
+    return directory
+
+
+@pytest.fixture(scope="session")
+def published(data_dir: Path) -> Path:
+    return data_dir / "published"
