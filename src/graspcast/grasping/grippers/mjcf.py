@@ -161,5 +161,3 @@ def _tcp(path: Path, compiled: Any, site: str) -> Float[ndarray, "4 4"]:
     base = data.xmat[1].reshape(3, 3)
     rotation = base.T @ data.site(site).xmat.reshape(3, 3)
     return transform(rotation, base.T @ (data.site(site).xpos - data.xpos[1]))
-
-

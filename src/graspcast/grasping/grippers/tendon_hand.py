@@ -120,6 +120,7 @@ class TendonHand:
         import mujoco
 
         spec = mujoco.MjSpec()
+        spec.compiler.degree = False
         palm = spec.worldbody.add_body(name="palm")
         palm.add_geom(
             name="palm",
