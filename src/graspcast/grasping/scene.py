@@ -32,7 +32,7 @@ _ARM_STIFFNESS, _ARM_KG = 1e5, 10.0
 _ARM_DAMPING = 2.0 * np.sqrt(_ARM_STIFFNESS * _ARM_KG)
 _REST_S = 1.0
 _REST_SHIFT_M, _REST_TURN_RAD = 0.01, 0.1
-_PARKED = np.array([0.0, 0.0, 10.0])
+_PARKED_M = 10.0
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,8 @@ class Touch:
 class Scene:
     """The compiled model, one state of it, and where things are in both.
 
-    ``model`` is changed by :meth:`place` alone, and only in the pose of the arm's mount.
+    ``model`` is changed by :meth:`place` and :meth:`lock_approach` alone, in the pose of the arm's
+    mount and the force of its approach; ``place`` sets both anew.
     """
 
     model: Any
@@ -81,9 +82,26 @@ class Scene:
         mujoco.mj_resetData(self.model, self.data)
         self.model.body_pos[self.mount_body] = sim_T_base[:3, 3]
         self.model.body_quat[self.mount_body] = quaternion(sim_T_base[:3, :3])
+        servo = self.model.actuator("approach").id
+        limit = self.settings.arm_force_n
+        self.model.actuator_forcerange[servo] = -limit, limit
         self.data.qpos[:] = self.rest_qpos
         self.data.act[:] = self.rest_act
         self.move_hand(approach_m)
+
+    def park(self) -> None:
+        """Reset to rest with the hand high above the object."""
+        parked = np.eye(4)
+        parked[2, 3] = _PARKED_M
+        self.place(parked, 0.0)
+
+    def lock_approach(self) -> None:
+        """Hold the hand where it is along its approach, with the force that it has now."""
+        servo = self.model.actuator("approach").id
+        lead = self.data.actuator_force[servo] / _ARM_STIFFNESS
+        self.data.act[self.model.actuator_actadr[servo]] = self.data.qpos[self.approach_qpos] + lead
+        self.data.ctrl[servo] = 0.0
+        self.model.actuator_forcerange[servo] = -np.inf, np.inf
 
     def move_hand(self, approach_m: float) -> None:
         """Put the resting hand elsewhere on its approach, without time passing."""
@@ -260,7 +278,7 @@ def _add_arm_and_hand(spec: Any, gripper: Gripper, settings: TrialSettings) -> N
             name=name,
             trntype=mujoco.mjtTrn.mjTRN_JOINT,
             target=name,
-            forcelimited=True,
+            forcelimited=name == "approach",
             forcerange=(-settings.arm_force_n, settings.arm_force_n),
         )
         servo.set_to_intvelocity(kp=_ARM_STIFFNESS, kv=_ARM_DAMPING)
@@ -322,9 +340,7 @@ def _rest(scene: Scene, grasp_object: GraspObject, gripper: Gripper) -> None:
     scene.rest_qpos[:] = model.qpos0
     reference = grasp_object.sim_T_ref
     scene.rest_qpos[scene.object_qpos] = (*reference[:3, 3], *quaternion(reference[:3, :3]))
-    parked = np.eye(4)
-    parked[:3, 3] = _PARKED
-    scene.place(parked, 0.0)
+    scene.park()
     for name, value in gripper.closing.open.items():
         data.ctrl[scene.hand_ctrl[name]] = value
     mujoco.mj_step(model, data, nstep=round(_REST_S / model.opt.timestep))

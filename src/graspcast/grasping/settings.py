@@ -27,7 +27,7 @@ class TrialSettings:
         lift_ramp_s: Time in which the lift reaches its speed.
         tolerance_m: Largest change of the object's centroid in the hand's frame that is a success.
         settle_s: Pause between the end of the approach and the start of closing.
-        arm_force_n: Largest force with which the arm pushes along the approach and the lift.
+        arm_force_n: Largest force with which the arm pushes the hand along its approach.
         overlap_m: The open hand starts blocked if it is deeper than this in object or table.
         hand_touches_table: Whether the table stops the hand; if not, only the object feels it.
         timestep: Seconds a simulation step.

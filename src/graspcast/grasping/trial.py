@@ -253,6 +253,7 @@ class _Trial:
         gripped = scene.touch().hand_bodies >= 2
         steadiness = Steadiness(scene, at_grasp)
         servo = self.model.actuator("lift").id
+        scene.lock_approach()
         lifted = 0.0
         while True:
             touch = scene.touch()
