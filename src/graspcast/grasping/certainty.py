@@ -20,7 +20,7 @@ __all__ = ["Steadiness", "beyond_reach", "left_behind_m"]
 
 _AT_REST = 2e-3
 _CLEARANCE_M = 0.01
-_STEADY_AFTER_S, _STEADY_WINDOW_S = 1.0, 0.5
+_STEADY_AFTER_S, _STEADY_WINDOW_S = 0.6, 0.3
 _EXTRAPOLATE, _SPARE_M, _TURN_RAD = 2.0, 2e-3, 0.25
 
 
@@ -89,7 +89,7 @@ class Steadiness:
         """Whether the offset will certainly be on the same side of the tolerance at the end.
 
         To be asked at regular times. The object must be held clear of the table, and its motion
-        in the hand over the last half second, at twice that rate until the end of the lift, must
+        in the hand over the last 0.3 s, at twice that rate until the end of the lift, must
         leave its offset short of the tolerance (or beyond it) and its orientation as it is.
         """
         scene = self._scene

@@ -180,7 +180,10 @@ def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSett
     table.rgba = (0.93, 0.92, 0.90, 1.0)
     model = spec.compile()
     data = mujoco.MjData(model)
-    base = model.body("hand/" + gripper.spec().worldbody.first_body().name).id
+    base = int(np.flatnonzero(model.body_parentid == model.body("mount").id)[0])
+    # The mount says where the base is, wherever the hand's own model has put it.
+    model.body_pos[base], model.body_quat[base] = 0.0, (1.0, 0.0, 0.0, 0.0)
+    mujoco.mj_setConst(model, data)
     kind = np.full(model.ngeom, -9)
     colliding = (model.geom_contype | model.geom_conaffinity) != 0
     kind[model.geom_bodyid == 0] = _TABLE
