@@ -34,7 +34,7 @@ class TrialSettings:
         integrator: MuJoCo's integrator.
         cone: MuJoCo's friction cone.
         impratio: MuJoCo's ratio of frictional to normal constraint impedance. With the elliptic
-            cone, 1000 holds creep under 10 um/s at no cost; at 10 it is 150 um/s.
+            cone, 2000 holds creep under 10 um/s at no cost; at 10 it is 150 um/s.
         noslip_iterations: MuJoCo's no-slip iterations, the dearer way of stopping creep.
         condim: Dimension of the contacts of the object with the hand: 3 sliding, 4 with torsion.
         torsion_m: Torsional friction, as MuJoCo has it (the radius of the contact patch), metres.
@@ -56,7 +56,7 @@ class TrialSettings:
     timestep: float = 0.002
     integrator: Literal["euler", "implicit", "implicitfast", "rk4"] = "implicitfast"
     cone: Literal["elliptic", "pyramidal"] = "elliptic"
-    impratio: float = 1000.0
+    impratio: float = 2000.0
     noslip_iterations: int = 0
     condim: Literal[3, 4, 6] = 4
     torsion_m: float = 0.005
