@@ -48,9 +48,9 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
         )
     if "inst_id" not in frame.columns:
         frame = frame.with_columns(inst_id=pl.lit(0, pl.Int64))
-    frame = frame.select(*KEYS, "success")
+    kinds = {**_COLUMNS, "inst_id": pl.Int64}
     try:
-        frame = frame.cast({**_COLUMNS, "inst_id": pl.Int64})
+        frame = frame.select(pl.col(name).cast(kinds[name]) for name in (*KEYS, "success"))
     except pl.exceptions.PolarsError as error:
         first = str(error).splitlines()[0]
         raise FormatError(path, f"a column does not hold what it should ({first})") from error
