@@ -149,7 +149,9 @@ def checked_rotations(
     return np.where(distance[:, None, None] > _ROUNDING, nearest, matrices), distance
 
 
-def read_results(path: str | PathLike[str], *, lenient: bool = False) -> Results:
+def read_results(
+    path: str | PathLike[str], *, lenient: bool = False, placeholders: bool = False
+) -> Results:
     """Read a BOP results CSV.
 
     Rows whose pose is the identity with zero translation are an estimator's placeholder for
@@ -158,6 +160,7 @@ def read_results(path: str | PathLike[str], *, lenient: bool = False) -> Results
     Args:
         path: The file.
         lenient: Skip bad rows and count them in ``dropped["bad row"]``, instead of raising.
+        placeholders: Keep placeholders (the paper's tables count them as estimates).
 
     Raises:
         FormatError: naming file, line and remedy: a missing column, a field that is not what it
@@ -194,7 +197,7 @@ def read_results(path: str | PathLike[str], *, lenient: bool = False) -> Results
     count = len(lines)
     rotation = np.array(columns["R"], dtype=np.float64).reshape(count, 3, 3)
     translation_mm = np.array(columns["t"], dtype=np.float64).reshape(count, 3)
-    placeholder = is_identity(transform(rotation, translation_mm))
+    placeholder = is_identity(transform(rotation, translation_mm)) & (not placeholders)
     keep = ~placeholder
     rotation, distance = checked_rotations(rotation)
     for i in np.flatnonzero((distance > MAX_ROTATION_DEVIATION) & keep):
