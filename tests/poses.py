@@ -39,6 +39,7 @@ def results_of(poses: ndarray, *, obj_id: int = 1, scene_id: int = 1) -> Results
         score=np.linspace(1, 0, n),
         cam_T_obj=poses,
         time_s=np.full(n, -1.0),
+        line=np.arange(n) + 2,
     )
 
 

@@ -19,10 +19,22 @@ from numpy import ndarray
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 
-__all__ = ["Estimates", "align", "assign", "concatenate", "instance_numbers"]
+__all__ = ["Estimates", "Partial", "align", "assign", "concatenate", "instance_numbers"]
 
 Key = tuple[int, int, int]
 _COLUMNS = ("dataset", "scene_id", "im_id", "obj_id", "inst_id")
+
+
+@dataclass(frozen=True)
+class Partial:
+    """An instance of the anchor's that some other estimator lacks."""
+
+    dataset: str
+    scene_id: int
+    im_id: int
+    obj_id: int
+    inst_id: int
+    lacking: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -35,6 +47,7 @@ class Estimates:
         scene_id, im_id, obj_id, inst_id: BOP numbers, (n,).
         cam_T_obj: Poses in metres, (K, n, 4, 4).
         lacking: For each estimator, how many instances it lacks that another one has.
+        partial: The anchor's instances that were dropped, and who lacks them.
     """
 
     estimators: tuple[str, ...]
@@ -45,6 +58,7 @@ class Estimates:
     inst_id: Int[ndarray, "n"]
     cam_T_obj: Float[ndarray, "k n 4 4"]
     lacking: Mapping[str, int] = field(default_factory=dict)
+    partial: tuple[Partial, ...] = ()
 
     def __len__(self) -> int:
         return len(self.obj_id)
@@ -67,6 +81,17 @@ class Estimates:
         """The other estimators, in order."""
         self.index(principal)
         return tuple(name for name in self.estimators if name != principal)
+
+    def only(self, *estimators: str) -> Estimates:
+        """The poses by these estimators, in this order.
+
+        Raises:
+            UnknownNameError: for one that is not there.
+        """
+        if estimators == self.estimators:
+            return self
+        which = [self.index(name) for name in estimators]
+        return replace(self, estimators=estimators, cam_T_obj=self.cam_T_obj[which])
 
     @property
     def objects(self) -> ndarray:
@@ -109,6 +134,8 @@ def assign(
     """Pair positions one to one with the smallest total distance; the surplus stays unpaired."""
     if len(anchors) == 1 and len(others) == 1:
         return np.array([0]), np.array([0])
+    if len(anchors) == 0 or len(others) == 0:
+        return np.empty(0, np.int64), np.empty(0, np.int64)
     from scipy.optimize import linear_sum_assignment
 
     distance = np.linalg.norm(anchors[:, None] - others[None], axis=-1)
@@ -142,23 +169,23 @@ def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = 
     first = names.index(anchor)
     lacking = dict.fromkeys(names, 0)
     kept: list[tuple[Key, int, list[int]]] = []  # key, instance, one row for each estimator
+    partial: list[Partial] = []
     for key in sorted(set().union(*groups.values())):
         rows = [groups[name].get(key, []) for name in names]
         most = max(map(len, rows))
         for name, found in zip(names, rows, strict=True):
             lacking[name] += most - len(found)
-        if not all(rows):
-            continue
         position = [results[n].cam_T_obj[r, :3, 3] for n, r in zip(names, rows, strict=True)]
         partner: list[dict[int, int]] = []
         for k, found in enumerate(rows):
             a, b = assign(position[first], position[k]) if k != first else 2 * (range(len(found)),)
             partner.append({int(i): found[int(j)] for i, j in zip(a, b, strict=True)})
-        kept.extend(
-            (key, i, [p[i] for p in partner])
-            for i in range(len(rows[first]))
-            if all(i in p for p in partner)
-        )
+        for i in range(len(rows[first])):
+            without = tuple(n for n, p in zip(names, partner, strict=True) if i not in p)
+            if without:
+                partial.append(Partial(dataset, *key, inst_id=i, lacking=without))
+            else:
+                kept.append((key, i, [p[i] for p in partner]))
     if not kept:
         counts = ", ".join(f"{name}: {len(table)} rows" for name, table in results.items())
         raise MismatchError(
@@ -176,6 +203,7 @@ def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = 
         inst_id=np.array([i for _, i, _ in kept], dtype=np.int64),
         cam_T_obj=np.stack([results[n].cam_T_obj[p] for n, p in zip(names, picked, strict=True)]),
         lacking=lacking,
+        partial=tuple(partial),
     )
 
 
@@ -198,4 +226,5 @@ def concatenate(parts: Iterable[Estimates]) -> Estimates:
         **{name: np.concatenate([getattr(p, name) for p in parts]) for name in _COLUMNS},
         cam_T_obj=np.concatenate([p.cam_T_obj for p in parts], axis=1),
         lacking={name: sum(p.lacking.get(name, 0) for p in parts) for name in names},
+        partial=tuple(instance for p in parts for instance in p.partial),
     )

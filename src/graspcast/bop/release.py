@@ -27,7 +27,7 @@ from graspcast.errors import FormatError, InputError
 from graspcast.files import write_text
 from graspcast.outcomes import write_table
 
-__all__ = ["Imported", "import_release", "read_release"]
+__all__ = ["Imported", "import_release", "read_add_differences", "read_release"]
 
 _DATASETS = {"LMO": "lmo", "YCBV": "ycbv"}
 _GRIPPERS = {"Parallel-Gripper": "parallel", "Underactuated-Gripper": "underactuated"}
@@ -176,6 +176,31 @@ def read_release(release: str | PathLike[str]) -> dict[str, _Dataset]:
     return out
 
 
+def read_add_differences(
+    release: str | PathLike[str],
+) -> dict[tuple[str, str, int, int, int], float]:
+    """The mean ADD to the supporters, metres, by (principal, dataset, scene, image, object).
+
+    Raises:
+        FormatError: naming the file and line that is not as it should be.
+    """
+    folder = Path(release) / "Train-Grasp-Success-Prediction" / "Data-Split" / "add"
+    out = {}
+    for path in sorted(folder.glob("dataset-*-add.txt")):
+        principal = path.stem.split("-")[1].lower()
+        try:
+            with np.load(path.with_suffix(".npz"), allow_pickle=False) as data:
+                add = data["arr_0"]
+        except (OSError, ValueError, KeyError) as error:
+            raise FormatError(path.with_suffix(".npz"), f"holds no array ({error})") from error
+        for number, fields in _lines(path):
+            kinds = (str, int, int, int, float, int, int, int, int)
+            dataset, scene, image, obj_id, _, *pair, _, _ = _parse(path, number, fields, *kinds)
+            key = (principal, _DATASETS[str(dataset)], int(scene), int(image), int(obj_id))
+            out[key] = float(np.mean(add[pair]))
+    return out
+
+
 def import_release(release: str | PathLike[str], out: str | PathLike[str]) -> list[Imported]:
     """Write a checkout of the authors' repository as BOP files, one folder a dataset.
 
@@ -234,6 +259,7 @@ def _results(rows: dict[Key, tuple[ndarray, float]]) -> Results:
         score=np.array([score for _, score in picked]),
         cam_T_obj=np.stack([pose for pose, _ in picked]),
         time_s=np.full(len(picked), -1.0),
+        line=np.zeros(len(picked), dtype=np.int64),
     )
 
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.bop.units import metres, millimetres
@@ -41,6 +41,7 @@ class Results:
         score: The estimator's own confidence, (n,); anything finite.
         cam_T_obj: Poses in metres, (n, 4, 4).
         time_s: Seconds that the image took, -1 if unknown, (n,).
+        line: Line number in the file, 0 if there is none, (n,).
         source: The file they came from, for messages.
         dropped: How many rows were left out, by reason.
     """
@@ -51,11 +52,17 @@ class Results:
     score: Float[ndarray, "n"]
     cam_T_obj: Float[ndarray, "n 4 4"]
     time_s: Float[ndarray, "n"]
+    line: Int[ndarray, "n"]
     source: str = "results"
     dropped: Mapping[str, int] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.obj_id)
+
+    def select(self, which: Bool[ndarray, "n"] | Int[ndarray, "m"]) -> Results:
+        """Some of the rows, by mask or by number."""
+        names = ("scene_id", "im_id", "obj_id", "score", "cam_T_obj", "time_s", "line")
+        return replace(self, **{name: getattr(self, name)[which] for name in names})
 
 
 def dataset_of(path: str | PathLike[str]) -> str | None:
@@ -227,6 +234,7 @@ def read_results(
         score=np.array(columns["score"], dtype=np.float64)[keep],
         cam_T_obj=transform(rotation[keep], metres(translation_mm[keep])),
         time_s=np.array(columns["time"], dtype=np.float64)[keep],
+        line=np.array(lines, dtype=np.int64)[keep],
         source=str(path),
         dropped={reason: n for reason, n in dropped.items() if n},
     )
