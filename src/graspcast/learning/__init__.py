@@ -1,0 +1,1 @@
+"""Learning to tell from the disagreement of estimators whether a grasp will succeed."""
