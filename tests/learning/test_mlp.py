@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import copy
+import os
+import shutil
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,6 +17,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import graspcast.learning
 from graspcast.errors import InputError, MismatchError
 from graspcast.learning.mlp import Mlp, probability
 from graspcast.learning.mlp_kernel import batch_gradient
@@ -278,6 +283,45 @@ def test_no_problems_are_no_work() -> None:
     assert train([]) == []
 
 
+# --- Compilation ----------------------------------------------------------------------------------
+
+
+def in_another_process(program: str, source: Path, **environment: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", program],
+        env={**os.environ, "PYTHONPATH": str(source), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+SOURCE = Path(graspcast.learning.__file__).parents[2]
+
+
+def test_importing_does_not_import_the_compiler() -> None:
+    program = "import sys, graspcast.learning.mlp_training; print('numba' in sys.modules)"
+    assert in_another_process(program, SOURCE).strip() == "False"
+
+
+@pytest.mark.slow
+def test_training_works_where_nothing_can_be_cached(tmp_path: Path) -> None:
+    shutil.copytree(SOURCE, tmp_path / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    # A file where the directory would be: even root cannot write there.
+    (tmp_path / "src/graspcast/learning/__pycache__").touch()
+    program = (
+        "import numpy as np\n"
+        "from graspcast.learning.mlp_training import *\n"
+        "x = np.linspace(-1, 1, 30)[:, None]\n"
+        "print(train([Problem(x, x[:, 0] > 0)], MlpSettings(epochs=2))[0].last.epoch)\n"
+    )
+    nowhere = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR"), "/dev/null/none")
+    nowhere["PYTHONDONTWRITEBYTECODE"] = "1"
+    assert in_another_process(program, tmp_path / "src", **nowhere).strip() == "2"
+
+
 # --- The network itself ---------------------------------------------------------------------------
 
 
@@ -333,7 +377,7 @@ def _with(**changes: object) -> Callable[[Problem], Problem]:
     [
         (_with(labels=np.zeros(3, bool)), MismatchError, "problem 1: inputs are"),
         (_with(labels=np.full(90, 2)), InputError, "0 or 1"),
-        (_with(inputs=np.full((90, 12), np.nan)), InputError, "input 0 of row 0 is not finite"),
+        (_with(inputs=np.full((90, 12), np.nan)), InputError, "input 0 of row 0 is nan"),
         (_with(inputs=np.zeros((0, 12)), labels=np.zeros(0, bool)), InputError, "no samples"),
         (_with(inputs=np.zeros((90, 11))), MismatchError, "watch 0: 12 inputs, but 11"),
         (

@@ -45,7 +45,7 @@ _INT32 = ir.IntType(32)
 
 class _Lanes(types.Type):
     def __init__(self) -> None:
-        super().__init__(name="graspcast.lanes")  # type: ignore[no-untyped-call]
+        super().__init__(name="graspcast.lanes")
 
 
 _lanes = _Lanes()
@@ -54,7 +54,7 @@ _lanes = _Lanes()
 @register_model(_Lanes)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, frontend_type: Any) -> None:
-        super().__init__(manager, frontend_type, _VECTOR)
+        super().__init__(manager, frontend_type, _VECTOR)  # type: ignore[no-untyped-call]
 
 
 def _operation(typing: Callable[..., Any]) -> Callable[..., Any]:

@@ -30,6 +30,7 @@ from graspcast.learning.mlp import Mlp
 __all__ = ["Checkpoint", "MlpSettings", "Problem", "Trained", "Watch", "Watched", "train"]
 
 _REPORTS = 50  # how often a problem reports its progress and can be interrupted
+_LARGEST = 1e12  # of an input; float32 has room for it in sums of products
 
 
 @dataclass(frozen=True)
@@ -193,9 +194,13 @@ def _check(problem: Problem, name: str) -> None:
             raise MismatchError(
                 f"{where}: {shape[1]} inputs, but {problem.inputs.shape[1]} are trained on"
             )
-        if not np.isfinite(part.inputs).all():
-            row, column = np.argwhere(~np.isfinite(part.inputs))[0]
-            raise InputError(f"{where}: input {column} of row {row} is not finite; drop the row")
+        wrong = np.argwhere(~(np.abs(part.inputs) < _LARGEST))
+        if len(wrong):
+            row, column = wrong[0]
+            raise InputError(
+                f"{where}: input {column} of row {row} is {part.inputs[row, column]}; "
+                f"drop rows that are not finite or beyond {_LARGEST:g}"
+            )
         if not np.isin(labels, (0, 1)).all():
             raise InputError(f"{where}: labels must be true or false, or 0 or 1")
         if isinstance(part, Watch) and part.groups is not None and len(part.groups) != shape[0]:
