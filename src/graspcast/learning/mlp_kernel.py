@@ -77,7 +77,7 @@ class Network(NamedTuple):
     """Parameters, and room for one block of samples."""
 
     plan: Int64[ndarray, "layers 5"]
-    params: Float32[ndarray, " params"]
+    params: Float32[ndarray, "params"]
     acts: Float32[ndarray, " rows*lanes"]
     deltas: Float32[ndarray, " rows*lanes"]
 
@@ -86,19 +86,19 @@ class Training(NamedTuple):
     """Samples, the order in which they come, and the state of the optimiser."""
 
     inputs: Float32[ndarray, " n*d"]
-    labels: Float32[ndarray, " n"]
-    order: Int64[ndarray, " n"]
-    places: Int64[ndarray, " lanes"]
+    labels: Float32[ndarray, "n"]
+    order: Int64[ndarray, "n"]
+    places: Int64[ndarray, "lanes"]
     random: UInt64[ndarray, " 1"]
-    grads: Float32[ndarray, " params"]
-    mean: Float32[ndarray, " params"]
-    square: Float32[ndarray, " params"]
+    grads: Float32[ndarray, "params"]
+    mean: Float32[ndarray, "params"]
+    square: Float32[ndarray, "params"]
 
 
 class Optimiser(NamedTuple):
     """Adam's constants, and the learning rate of every epoch."""
 
-    rates: Float64[ndarray, " epochs"]
+    rates: Float64[ndarray, "epochs"]
     batch: int
     beta1: float
     beta2: float
@@ -109,8 +109,8 @@ class HeldOut(NamedTuple):
     """Samples to look at after every epoch, in blocks of lanes: (block, input, sample), flat."""
 
     blocks: Float32[ndarray, " blocks*d*lanes"]
-    labels: Bool[ndarray, " m"]
-    groups: Int64[ndarray, " m"]
+    labels: Bool[ndarray, "m"]
+    groups: Int64[ndarray, "m"]
     logits: Float32[ndarray, " blocks*lanes"]
     softplus: Float32[ndarray, " blocks*lanes"]
 
@@ -125,8 +125,8 @@ class Kept(NamedTuple):
     hits: Int32[ndarray, "epochs groups"]
     loss: Float64[ndarray, "epochs groups"]
     criteria: Int64[ndarray, "criteria 3"]
-    epochs: Int64[ndarray, " criteria"]
-    scores: Float64[ndarray, " criteria"]
+    epochs: Int64[ndarray, "criteria"]
+    scores: Float64[ndarray, "criteria"]
     params: Float32[ndarray, "criteria params"]
 
 

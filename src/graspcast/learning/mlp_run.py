@@ -40,7 +40,7 @@ def lay_out(widths: Sequence[int]) -> Int64[ndarray, "layers 5"]:
     return np.array(plan, np.int64)
 
 
-def pack(mlp: Mlp, plan: Int64[ndarray, "layers 5"]) -> Float32[ndarray, " params"]:
+def pack(mlp: Mlp, plan: Int64[ndarray, "layers 5"]) -> Float32[ndarray, "params"]:
     """The parameters as one flat array, padded."""
     flat = []
     for weight, bias, (n_in, n_out, *_) in zip(mlp.weights, mlp.biases, plan, strict=True):
@@ -52,7 +52,7 @@ def pack(mlp: Mlp, plan: Int64[ndarray, "layers 5"]) -> Float32[ndarray, " param
 
 
 def unpack(
-    params: Float32[ndarray, " params"], plan: Int64[ndarray, "layers 5"], widths: Sequence[int]
+    params: Float32[ndarray, "params"], plan: Int64[ndarray, "layers 5"], widths: Sequence[int]
 ) -> Mlp:
     """The inverse of :func:`pack`."""
     weights, biases = [], []
@@ -175,10 +175,10 @@ class Run:
             at, first = at + 2 + len(names), first + len(names)
         return Trained(last, tuple(watched))
 
-    def _checkpoint(self, epoch: int, params: Float32[ndarray, " params"]) -> Checkpoint:
+    def _checkpoint(self, epoch: int, params: Float32[ndarray, "params"]) -> Checkpoint:
         # By the compiled program once more, so that they are, to the bit, those that were counted.
         evaluate(self._network._replace(params=params), self._held_out)
-        probabilities: list[Float[ndarray, " n"]] = np.split(
+        probabilities: list[Float[ndarray, "n"]] = np.split(
             probability(self._held_out.logits[: sum(self._sizes)]), np.cumsum(self._sizes[:-1])
         )
         return Checkpoint(

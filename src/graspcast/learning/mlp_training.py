@@ -60,7 +60,7 @@ class MlpSettings:
         if not (0 <= self.beta1 < 1 and 0 <= self.beta2 < 1):
             raise InputError(f"beta1 and beta2 must be in [0, 1): {self}")
 
-    def rates(self) -> Float[ndarray, " epochs"]:
+    def rates(self) -> Float[ndarray, "epochs"]:
         """The learning rate of each epoch (Loshchilov and Hutter 2017, eq. 5, no restart)."""
         phase = np.pi * np.arange(self.epochs) / self.epochs
         return self.final_rate + (self.rate - self.final_rate) * 0.5 * (1 + np.cos(phase))
@@ -74,8 +74,8 @@ class Watch:
     """
 
     inputs: Float[ndarray, "n d"]
-    labels: Bool[ndarray, " n"]
-    groups: Int[ndarray, " n"] | None = None
+    labels: Bool[ndarray, "n"]
+    groups: Int[ndarray, "n"] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class Problem:
     """What one network is trained on, what it is watched on, and its seed."""
 
     inputs: Float[ndarray, "n d"]
-    labels: Bool[ndarray, " n"]
+    labels: Bool[ndarray, "n"]
     watch: tuple[Watch, ...] = ()
     seed: int = 0
 
@@ -94,7 +94,7 @@ class Checkpoint:
 
     epoch: int
     mlp: Mlp
-    probabilities: tuple[Float[ndarray, " n"], ...]
+    probabilities: tuple[Float[ndarray, "n"], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,9 +107,9 @@ class Watched:
     the very labels by which a checkpoint was chosen is optimistic.
     """
 
-    accuracy: Float[ndarray, " epochs"]
-    accuracy_by_group: dict[int, Float[ndarray, " epochs"]]
-    loss: Float[ndarray, " epochs"]
+    accuracy: Float[ndarray, "epochs"]
+    accuracy_by_group: dict[int, Float[ndarray, "epochs"]]
+    loss: Float[ndarray, "epochs"]
     best: Checkpoint
     best_by_group: dict[int, Checkpoint]
     lowest_loss: Checkpoint
