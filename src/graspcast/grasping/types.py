@@ -111,6 +111,4 @@ def check_rigid(a_T_b: Float[ndarray, "4 4"], what: str) -> None:
     rotation = a_T_b[:3, :3]
     orthogonal = np.allclose(rotation @ rotation.T, np.eye(3), atol=_RIGID_TOLERANCE)
     if not orthogonal or np.linalg.det(rotation) < 0 or not np.array_equal(a_T_b[3], [0, 0, 0, 1]):
-        raise InputError(
-            f"{what} must be a rigid transform (no scale, no shear), got {a_T_b}"
-        )
+        raise InputError(f"{what} must be a rigid transform (no scale, no shear), got {a_T_b}")
