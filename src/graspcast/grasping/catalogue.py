@@ -72,7 +72,7 @@ class Catalogue(Mapping[str, ObjectEntry]):
         raise UnknownNameError(
             "object",
             name,
-            [f"{e.name} ({e.label})" for e in self._entries.values()],
+            [*self._entries, *(entry.label for entry in self._entries.values())],
             hint="An object of your own needs an entry in a TOML file, see graspcast.grasping",
         )
 

@@ -196,7 +196,7 @@ _KINDS = ("vertices", "faces")
 def _read(path: Path) -> tuple[ConvexPiece, ...] | None:
     # The zip container holds a CRC of every array, so any damage is an error here.
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             count = len(stored.files) // len(_KINDS)
             if count == 0:
                 raise ValueError("no pieces")
