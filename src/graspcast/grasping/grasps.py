@@ -100,7 +100,7 @@ def read_grasps(path: str | PathLike[str] | None = None) -> GraspTable:
 
         [[grasp]]
         object = "ycbv-4"
-        gripper = "franka"
+        gripper = "parallel"
         position_m = [0.0, 0.0, 0.03]
         quaternion = [0.0, 1.0, 0.0, 0.0]   # wxyz of obj_T_grasp
         provenance = "from the top, by hand"

@@ -204,7 +204,7 @@ class _Trial:
         self._advance(-entry / speed + self.settings.settle_s)
 
     def _clear_until(self) -> float:
-        """A place on the approach, in metres up to 0, before which the open hand touches nothing."""
+        """A place on the approach, in metres up to 0, before which the open hand is clear."""
         steps = math.ceil(self.settings.standoff_m / _SWEEP_M)
         places = np.linspace(-self.settings.standoff_m, 0.0, steps + 1)
         every = max(1, round(_RECORD_S * self.settings.approach_speed / _SWEEP_M))
