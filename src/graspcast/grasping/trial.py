@@ -204,7 +204,7 @@ class _Trial:
         self._advance(-entry / speed + self.settings.settle_s)
 
     def _clear_until(self) -> float:
-        """A place on the approach, in metres up to 0, before which the open hand is clear."""
+        """A place on the approach (metres, up to 0) before which the open hand is clear."""
         steps = math.ceil(self.settings.standoff_m / _SWEEP_M)
         places = np.linspace(-self.settings.standoff_m, 0.0, steps + 1)
         every = max(1, round(_RECORD_S * self.settings.approach_speed / _SWEEP_M))
@@ -237,13 +237,13 @@ class _Trial:
 
     def _posture(self) -> ndarray:
         """Joints, object and actuator forces, in units of what may change at equilibrium."""
-        rule, scene, model, data = self.gripper.equilibrium, self.scene, self.model, self.data
-        joints = data.qpos[model.jnt_qposadr[scene.hand_joints]] * scene.joint_levers
+        rule, scene, data = self.gripper.equilibrium, self.scene, self.data
         turned = data.xmat[scene.object_body] * scene.object_radius_m
         forces = data.actuator_force[list(scene.hand_ctrl.values())]
         return np.concatenate(
             [
-                np.concatenate([joints, data.xipos[scene.object_body], turned]) / rule.motion_m,
+                np.concatenate([scene.posture(), data.xipos[scene.object_body], turned])
+                / rule.motion_m,
                 forces / (rule.force_fraction * scene.largest_force),
             ]
         )
