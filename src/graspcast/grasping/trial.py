@@ -190,28 +190,31 @@ class _Trial:
         scene, data, model = self.scene, self.data, self.model
         for name, value in self.gripper.closing.open.items():
             data.ctrl[scene.hand_ctrl[name]] = value
-        steps = math.ceil(self.settings.standoff_m / _SWEEP_M)
-        places = np.linspace(-self.settings.standoff_m, 0.0, steps + 1)
-        every = max(1, round(_RECORD_S * self.settings.approach_speed / _SWEEP_M))
-        entry = None
-        for k, place in enumerate(places):
-            scene.move_hand(place)
-            if k % every == 0:
-                self._show()
-            if scene.hand_overlap_m() > -np.inf:
-                entry = max(0, k - 2)
-                break
-        if entry is None:
+        entry = self._clear_until()
+        scene.move_hand(entry)
+        if entry == 0.0:
             return
-        scene.move_hand(places[entry])
         servo = model.actuator("approach").id
         speed = self.settings.approach_speed
         # In steady motion the servo's set point is ahead by what its damping costs.
         lag = speed * abs(model.actuator_biasprm[servo, 2] / model.actuator_gainprm[servo, 0])
-        data.act[model.actuator_actadr[servo]] = places[entry] + lag
+        data.act[model.actuator_actadr[servo]] = entry + lag
         data.qvel[model.jnt_dofadr[model.joint("approach").id]] = speed
         data.ctrl[servo] = speed
-        self._advance(-places[entry] / speed + self.settings.settle_s)
+        self._advance(-entry / speed + self.settings.settle_s)
+
+    def _clear_until(self) -> float:
+        """A place on the approach, in metres up to 0, before which the open hand touches nothing."""
+        steps = math.ceil(self.settings.standoff_m / _SWEEP_M)
+        places = np.linspace(-self.settings.standoff_m, 0.0, steps + 1)
+        every = max(1, round(_RECORD_S * self.settings.approach_speed / _SWEEP_M))
+        for k, place in enumerate(places):
+            self.scene.move_hand(place)
+            if k % every == 0:
+                self._show()
+            if self.scene.hand_overlap_m() > -np.inf:
+                return float(places[max(0, k - 2)])
+        return 0.0
 
     def _close(self) -> None:
         """Close until nothing changes any more, or until the time limit."""

@@ -51,6 +51,7 @@ class TendonHand:
         motor_n: Largest force of the one motor, shared by the three tendons.
         motor_kg: The motor's inertia, as the tendons feel it.
         motor_stiffness: Of the motor's position servo, N/m.
+        motor_damping: Viscous friction of the motor, Ns/m; it acts also where the servo saturates.
         travel_m: Tendon travel that the motor is commanded to.
         close_s: Time of that command's ramp.
         tcp_depth_m: Distance of the tool centre point from the palm's face.
@@ -72,6 +73,7 @@ class TendonHand:
     motor_n: float = 200.0
     motor_kg: float = 2.0
     motor_stiffness: float = 5e4
+    motor_damping: float = 400.0
     travel_m: float = 0.030
     close_s: float = 0.8
     tcp_depth_m: float = 0.075
@@ -138,7 +140,11 @@ class TendonHand:
         motor = palm.add_body(name="motor", pos=(0, 0, 0.035))
         motor.mass, motor.inertia, motor.explicitinertial = 1e-3, (1e-7, 1e-7, 1e-7), True
         motor.add_joint(
-            name="travel", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(0, 1, 0), armature=self.motor_kg
+            name="travel",
+            type=mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=(0, 1, 0),
+            armature=self.motor_kg,
+            damping=(self.motor_damping, 0, 0),
         )
         for digit in _DIGITS:
             tendon = spec.add_tendon(name=digit, stiffness=(self.tendon_stiffness, 0, 0))
@@ -148,7 +154,8 @@ class TendonHand:
             # Slack below its rest length, which is that of the open hand: it can only pull.
             rest = -float(np.dot(self.pulleys_m, self.open_rad))
             tendon.springlength = (-1.0, rest)
-        damping = 2.0 * np.sqrt((self.motor_stiffness + 3 * self.tendon_stiffness) * self.motor_kg)
+        stiffness = self.motor_stiffness + 3 * self.tendon_stiffness
+        damping = max(0.0, 2.0 * np.sqrt(stiffness * self.motor_kg) - self.motor_damping)
         drive = spec.add_actuator(
             name="motor",
             trntype=mujoco.mjtTrn.mjTRN_JOINT,
