@@ -98,7 +98,7 @@ def run_campaign(
     """
     store = Store(directory)
     with store.lock():
-        store.begin(_manifest(requests, pairs))
+        store.begin(_manifest(requests, pairs, sources or {}))
         kept = store.outcomes()
         left = _rows_left(requests, kept)
         report = _Reporter(len(requests), len(requests) - len(left), progress)
@@ -115,11 +115,13 @@ def run_campaign(
                 f"{error}. {report.done} of {len(requests)} trials are kept in {store.directory}; "
                 "run the same again to go on from there"
             ) from error
-        write_card(store.directory, outcomes_table, store.manifest, sources)
+        write_card(store.directory, outcomes_table, store.manifest)
     return outcomes_table
 
 
-def _manifest(requests: TrialRequests, pairs: Mapping[tuple[str, str], Pair]) -> dict[str, Any]:
+def _manifest(
+    requests: TrialRequests, pairs: Mapping[tuple[str, str], Pair], sources: Mapping[str, str]
+) -> dict[str, Any]:
     used = {pair: pairs[pair] for pair in sorted(requests.pairs())}
     configuration = {
         "graspcast": __version__,
@@ -133,6 +135,7 @@ def _manifest(requests: TrialRequests, pairs: Mapping[tuple[str, str], Pair]) ->
         "hash": hashlib.sha256(encoded).hexdigest(),
         "configuration": configuration,
         "trials": len(requests),
+        "sources": dict(sources),
         "versions": {"numpy": np.__version__, "polars": pl.__version__},
         "pairs": [_describe(pair) for pair in used.values()],
     }

@@ -53,23 +53,20 @@ def write_card(
     directory: str | PathLike[str],
     outcomes: pl.DataFrame,
     manifest: Mapping[str, Any],
-    sources: Mapping[str, str] | None = None,
 ) -> None:
     """Write ``README.md`` for a campaign's directory; see :func:`card_text`."""
-    write_text(Path(directory) / "README.md", card_text(outcomes, manifest, sources))
+    write_text(Path(directory) / "README.md", card_text(outcomes, manifest))
 
 
 def card_text(
     outcomes: pl.DataFrame,
     manifest: Mapping[str, Any],
-    sources: Mapping[str, str] | None = None,
 ) -> str:
     """The card: how to read the outcomes, what each column is, how they came about, from what.
 
     Args:
         outcomes: The campaign's outcomes.
         manifest: The campaign's manifest.
-        sources: What went in, by name, with its licence.
     """
     versions = manifest["configuration"]
     licences = {name: _LICENCES[name] for name in _LICENCES if name in set(outcomes["dataset"])}
@@ -113,7 +110,7 @@ def card_text(
         "",
         "## What went in",
         *(f"- {text}" for text in licences.values()),
-        *(f"- {name}: {text}" for name, text in (sources or {}).items()),
+        *(f"- {name}: {text}" for name, text in manifest["sources"].items()),
         "- Simulated with graspcast (Apache-2.0) and MuJoCo (Apache-2.0).",
     ]
     return "\n".join(lines) + "\n"
