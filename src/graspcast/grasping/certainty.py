@@ -8,12 +8,12 @@ carry it across the tolerance.
 from __future__ import annotations
 
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.geometry import rotation_angle
 from graspcast.grasping.scene import Scene, Touch
 
 __all__ = ["Steadiness", "beyond_reach", "left_behind_m"]
@@ -21,7 +21,7 @@ __all__ = ["Steadiness", "beyond_reach", "left_behind_m"]
 _AT_REST = 2e-3
 _CLEARANCE_M = 0.01
 _STEADY_AFTER_S, _STEADY_WINDOW_S = 0.6, 0.3
-_EXTRAPOLATE, _SPARE_M, _TURN_RAD = 2.0, 2e-3, 0.25
+_EXTRAPOLATE, _TURN_RAD, _POSTURE_M, _SHIFT_M = 2.0, 0.25, 5e-3, 5e-3
 
 
 def beyond_reach(scene: Scene, start: Float[ndarray, " 3"], end: Float[ndarray, " 3"]) -> bool:
@@ -48,9 +48,8 @@ def left_behind_m(
     cannot come to an object that lies still and has none of the hand's parts under any of its own,
     nor to one that is wholly below the hand and has not the energy to rise to it.
     """
-    data, model = scene.data, scene.model
-    joints = scene.hand_joints
-    if np.abs(data.qvel[model.jnt_dofadr[joints]] * scene.joint_levers).max() > _AT_REST:
+    data = scene.data
+    if scene.hand_speed() > _AT_REST:
         return None
     velocity = data.qvel[:6]
     speeds = float(velocity[:3] @ velocity[:3]), float(velocity[3:] @ velocity[3:])
@@ -83,32 +82,52 @@ class Steadiness:
     def __init__(self, scene: Scene, offset_at_grasp: Float[ndarray, " 3"]):
         self._scene = scene
         self._reference = offset_at_grasp
-        self._seen: deque[tuple[float, ndarray, ndarray]] = deque()
+        self._seen: deque[_Seen] = deque()
 
     def certain(self, lifted_s: float, touch: Touch) -> bool:
         """Whether the offset will certainly be on the same side of the tolerance at the end.
 
-        To be asked at regular times. The object must be held clear of the table, and its motion
-        in the hand over the last 0.3 s, at twice that rate until the end of the lift, must
-        leave its offset short of the tolerance (or beyond it) and its orientation as it is.
+        To be asked at regular times. The object must be held clear of the table, and the motion
+        over the last 0.3 s, at twice its rate until the end of the lift, must keep the offset on
+        the same side of the tolerance, and object and fingers within 5 mm and 15 degrees of where
+        they are: a grip that gives way slowly lets go at once, wherever it comes to an edge.
         """
         scene = self._scene
         if not touch.hand_object or touch.table_object:
             self._seen.clear()
             return False
-        base = scene.data.xmat[scene.base_body].reshape(3, 3)
-        turn = base.T @ scene.data.xmat[scene.object_body].reshape(3, 3)
-        offset = scene.centroid_in_base() - self._reference
-        self._seen.append((lifted_s, offset, turn))
-        while lifted_s - self._seen[0][0] > _STEADY_WINDOW_S + 1e-9:
+        now = self._look(lifted_s)
+        self._seen.append(now)
+        while lifted_s - self._seen[0].time > _STEADY_WINDOW_S + 1e-9:
             self._seen.popleft()
-        window = lifted_s - self._seen[0][0]
+        window = lifted_s - self._seen[0].time
         if lifted_s < _STEADY_AFTER_S or window < _STEADY_WINDOW_S - 1e-9:
             return False
         if scene.object_boxes()[0][:, 2].min() < _CLEARANCE_M:
             return False
         ahead = _EXTRAPOLATE * (scene.settings.lift_s - lifted_s) / window
-        shift = ahead * max(float(np.linalg.norm(offset - then)) for _, then, _ in self._seen)
-        angle = ahead * max(float(rotation_angle(turn.T @ t)) for _, _, t in self._seen)
-        margin = abs(float(np.linalg.norm(offset)) - scene.settings.tolerance_m)
-        return angle < _TURN_RAD and shift + _SPARE_M < margin
+        before = list(self._seen)
+        shift = ahead * np.linalg.norm(now.offset - [s.offset for s in before], axis=1).max()
+        # The chord of a small rotation: |R - R'| = sqrt(8) sin(angle / 2).
+        chords = np.linalg.norm(now.turn - [s.turn for s in before], axis=(1, 2))
+        angle = ahead * chords.max() / np.sqrt(2.0)
+        joint = ahead * np.abs(now.joints - [s.joints for s in before]).max()
+        margin = abs(float(np.linalg.norm(now.offset)) - scene.settings.tolerance_m)
+        return bool(shift < min(_SHIFT_M, margin) and joint < _POSTURE_M and angle < _TURN_RAD)
+
+    def _look(self, lifted_s: float) -> _Seen:
+        scene = self._scene
+        base = scene.data.xmat[scene.base_body].reshape(3, 3)
+        return _Seen(
+            lifted_s,
+            scene.centroid_in_base() - self._reference,
+            base.T @ scene.data.xmat[scene.object_body].reshape(3, 3),
+            scene.posture(),
+        )
+
+
+class _Seen(NamedTuple):
+    time: float
+    offset: Float[ndarray, " 3"]
+    turn: Float[ndarray, "3 3"]
+    joints: Float[ndarray, " j"]

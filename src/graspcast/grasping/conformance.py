@@ -8,8 +8,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from graspcast.errors import GraspcastError
 from graspcast.grasping.gripper import Gripper
@@ -155,10 +153,11 @@ def _opens(gripper: Gripper, bench: dict[str, Any]) -> str:
     bench["runner"] = TrialRunner(test_column(bench["width"]), gripper)
     bench["hand"] = hand = _ParkedHand(bench["runner"].scene)
     hand.command(gripper.closing.open, 0.5)
-    bench["open"] = hand.posture()
-    if hand.speed() > 1e-3:
+    bench["open"] = hand.scene.posture()
+    speed = hand.scene.hand_speed()
+    if speed > 1e-3:
         raise _FailedError(
-            f"still moves at {1e3 * hand.speed():.1f} mm/s, 1.5 s after it was told to open: "
+            f"still moves at {1e3 * speed:.1f} mm/s, 1.5 s after it was told to open: "
             "more damping, or a weaker servo"
         )
     return "still when open"
@@ -168,15 +167,15 @@ def _closes(gripper: Gripper, bench: dict[str, Any]) -> str:
     hand, closing = bench["hand"], gripper.closing
     hand.ramp(closing.open, closing.close, closing.seconds)
     hand.command(closing.close, gripper.equilibrium.limit_s)
-    moved = float(np.abs(hand.posture() - bench["open"]).max())
+    moved = float(np.abs(hand.scene.posture() - bench["open"]).max())
     if moved < 0.1 * gripper.max_opening_m:
         raise _FailedError(
             f"no joint moved by more than {1e3 * moved:.1f} mm on its way from open to closed; "
             "are open and close different, and the servo strong enough?"
         )
-    if hand.speed() > 1e-3:
+    if hand.scene.hand_speed() > 1e-3:
         raise _FailedError(
-            f"closed on nothing, it still moves at {1e3 * hand.speed():.1f} mm/s after "
+            f"closed on nothing, it still moves at {1e3 * hand.scene.hand_speed():.1f} mm/s after "
             f"{gripper.equilibrium.limit_s:g} s"
         )
     return f"moves a joint by {1e3 * moved:.0f} mm and comes to rest"
@@ -186,7 +185,7 @@ def _reopens(gripper: Gripper, bench: dict[str, Any]) -> str:
     hand, closing = bench["hand"], gripper.closing
     hand.ramp(closing.close, closing.open, closing.seconds)
     hand.command(closing.open, 1.0)
-    apart = float(np.abs(hand.posture() - bench["open"]).max())
+    apart = float(np.abs(hand.scene.posture() - bench["open"]).max())
     if apart > 1e-3:
         raise _FailedError(f"a joint is {1e3 * apart:.1f} mm from where it was when open")
     return f"back to open within {1e3 * apart:.2f} mm"
@@ -283,15 +282,3 @@ class _ParkedHand:
         count = max(1, round(seconds / 0.01))
         for k in range(1, count + 1):
             self.command({n: start[n] + k / count * (end[n] - start[n]) for n in start}, 0.01)
-
-    def posture(self) -> Float[ndarray, " j"]:
-        """Joint positions in metres; a hinge counts by its arc at the lever."""
-        scene = self.scene
-        joints = scene.data.qpos[scene.model.jnt_qposadr[scene.hand_joints]]
-        posture: ndarray = joints * scene.joint_levers
-        return posture
-
-    def speed(self) -> float:
-        scene = self.scene
-        joints = scene.data.qvel[scene.model.jnt_dofadr[scene.hand_joints]]
-        return float(np.abs(joints * scene.joint_levers).max())

@@ -33,6 +33,7 @@ _ARM_DAMPING = 2.0 * np.sqrt(_ARM_STIFFNESS * _ARM_KG)
 _REST_S = 1.0
 _REST_SHIFT_M, _REST_TURN_RAD = 0.01, 0.1
 _PARKED_M = 10.0
+_TOO_FAST, _ABSURD = 20.0, 1e4
 
 
 @dataclass(frozen=True)
@@ -139,6 +140,17 @@ class Scene:
         offset: ndarray = base.T @ world
         return offset
 
+    def posture(self) -> Float[ndarray, " j"]:
+        """Positions of the hand's joints in metres; a hinge counts by its arc at its lever."""
+        joints = self.data.qpos[self.model.jnt_qposadr[self.hand_joints]]
+        posture: ndarray = joints * self.joint_levers
+        return posture
+
+    def hand_speed(self) -> float:
+        """Of the fastest joint of the hand, m/s; a hinge counts by its arc at its lever."""
+        speeds = self.data.qvel[self.model.jnt_dofadr[self.hand_joints]] * self.joint_levers
+        return float(np.abs(speeds).max())
+
     def boxes(self, of: int) -> tuple[ndarray, ndarray]:
         """Lower and upper corners of world-aligned boxes about the geoms of a kind."""
         chosen = np.flatnonzero(self.kind == of)
@@ -157,10 +169,14 @@ class Scene:
         return self.boxes(_OBJECT)
 
     def exploded(self) -> bool:
-        """Whether the state is not finite, or faster than anything here could fall or be thrown."""
-        speeds = self.data.qvel
-        bad = not np.all(np.isfinite(speeds)) or not np.all(np.isfinite(self.data.qpos))
-        return bad or bool(np.abs(speeds[:3]).max() > 20.0)
+        """Whether anything is not finite, or faster than what here falls or is thrown can be."""
+        speeds = np.abs(self.data.qvel)
+        # A comparison with NaN is false. The object's free joint is the first.
+        return not (speeds.max() < _ABSURD and speeds[:3].max() < _TOO_FAST)
+
+
+def _ignore(message: str) -> None:
+    """In place of MuJoCo's warnings of instability, which a trial counts as an outcome."""
 
 
 def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSettings) -> Scene:
@@ -169,6 +185,9 @@ def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSett
     Raises:
         MismatchError: if the object does not stay in its reference pose.
     """
+    if mujoco.get_mju_user_warning() is None:
+        # By default MuJoCo writes a log file into the working directory.
+        mujoco.set_mju_user_warning(_ignore)
     spec = mujoco.MjSpec()
     _set_options(spec, settings)
     table = spec.worldbody.add_geom(
@@ -177,6 +196,7 @@ def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSett
     _add_object(spec, grasp_object, settings)
     _add_arm_and_hand(spec, gripper, settings)
     table.contype, table.conaffinity = _TABLE_BIT, _OBJECT_BIT
+    table.solref, table.solimp = settings.solref, (*settings.solimp, 0.5, 2)
     table.rgba = (0.93, 0.92, 0.90, 1.0)
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -296,6 +316,7 @@ def _add_arm_and_hand(spec: Any, gripper: Gripper, settings: TrialSettings) -> N
             geom.contype = _HAND_BIT if gripper.self_collision else 0
             geom.conaffinity = feels | (_HAND_BIT if gripper.self_collision else 0)
             geom.condim, geom.priority = 1, 0
+            geom.solref, geom.solimp = settings.solref, (*settings.solimp, 0.5, 2)
     mount.add_frame().attach_body(hand.worldbody.first_body(), "hand/", "")
 
 
@@ -347,6 +368,12 @@ def _rest(scene: Scene, grasp_object: GraspObject, gripper: Gripper) -> None:
     for name, value in gripper.closing.open.items():
         data.ctrl[scene.hand_ctrl[name]] = value
     mujoco.mj_step(model, data, nstep=round(_REST_S / model.opt.timestep))
+    if scene.exploded():
+        raise MismatchError(
+            f"{grasp_object.name!r} at rest and the open gripper {gripper.name!r}, far from each "
+            f"other, blow up within {_REST_S:g} s: look at the gripper's servos (more damping "
+            "and armature, less stiffness) and at the object's inertia"
+        )
     placed = np.eye(4)
     placed[:3, 3] = data.qpos[scene.object_qpos][:3]
     placed[:3, :3] = rotation_from_quaternion(data.qpos[scene.object_qpos][3:])

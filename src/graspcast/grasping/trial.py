@@ -202,9 +202,10 @@ class _Trial:
         data.qvel[model.jnt_dofadr[model.joint("approach").id]] = speed
         data.ctrl[servo] = speed
         self._advance(-entry / speed + self.settings.settle_s)
+        self._check_sound()
 
     def _clear_until(self) -> float:
-        """A place on the approach, in metres up to 0, before which the open hand touches nothing."""
+        """A place on the approach (metres, up to 0) before which the open hand touches nothing."""
         steps = math.ceil(self.settings.standoff_m / _SWEEP_M)
         places = np.linspace(-self.settings.standoff_m, 0.0, steps + 1)
         every = max(1, round(_RECORD_S * self.settings.approach_speed / _SWEEP_M))
@@ -230,6 +231,7 @@ class _Trial:
             data.ctrl[columns] = start + min(1.0, k * _COMMAND_S / closing.seconds) * way
             self._advance(_COMMAND_S)
             if k % window == 0:
+                self._check_sound()
                 now = self._posture()
                 if np.abs(now - before).max() < 1.0:
                     return
@@ -237,13 +239,13 @@ class _Trial:
 
     def _posture(self) -> ndarray:
         """Joints, object and actuator forces, in units of what may change at equilibrium."""
-        rule, scene, model, data = self.gripper.equilibrium, self.scene, self.model, self.data
-        joints = data.qpos[model.jnt_qposadr[scene.hand_joints]] * scene.joint_levers
+        rule, scene, data = self.gripper.equilibrium, self.scene, self.data
         turned = data.xmat[scene.object_body] * scene.object_radius_m
         forces = data.actuator_force[list(scene.hand_ctrl.values())]
         return np.concatenate(
             [
-                np.concatenate([joints, data.xipos[scene.object_body], turned]) / rule.motion_m,
+                np.concatenate([scene.posture(), data.xipos[scene.object_body], turned])
+                / rule.motion_m,
                 forces / (rule.force_fraction * scene.largest_force),
             ]
         )
@@ -276,6 +278,7 @@ class _Trial:
             chunk = min(_CHECK_S, settings.lift_s - lifted)
             self._advance(chunk)
             lifted += chunk
+            self._check_sound()
         offset = float(np.linalg.norm(scene.centroid_in_base() - at_grasp))
         if offset <= settings.tolerance_m:
             return True, "held", offset
@@ -296,6 +299,8 @@ class _Trial:
             done += count
             self._show()
         self.steps += steps
+
+    def _check_sound(self) -> None:
         if self.scene.exploded():
             raise _BlowUpError
 

@@ -32,6 +32,8 @@ class FrankaHand:
         stroke_m: Travel of each finger.
         stiffness: Of the drive's position servo, N/m; it saturates at ``grip_n``.
         reflected_kg: The drive's inertia as each finger feels it.
+        gear_damping: Viscous friction of the drive on each finger, Ns/m. It keeps a finger that
+            slips off an edge from shooting ahead where the servo saturates.
     """
 
     grip_n: float = 60.0
@@ -39,6 +41,7 @@ class FrankaHand:
     stroke_m: float = 0.04
     stiffness: float = 1e4
     reflected_kg: float = 0.2
+    gear_damping: float = 500.0
 
     def __post_init__(self) -> None:
         if not 30.0 <= self.grip_n <= 70.0:
@@ -105,6 +108,7 @@ class FrankaHand:
                 axis=(0, 1, 0),
                 range=(0, self.stroke_m),
                 armature=self.reflected_kg,
+                damping=(self.gear_damping, 0, 0),
                 solref_limit=(0.006, 1),
                 solimp_limit=(0.98, 0.999, 0.0005, 0.5, 2),
             )
@@ -139,8 +143,6 @@ class FrankaHand:
         tendon = spec.add_tendon(name="opening")
         tendon.wrap_joint("left", 1.0)
         tendon.wrap_joint("right", 1.0)
-        # The two fingers together weigh half of one on this coordinate; damped critically.
-        damping = 2.0 * np.sqrt(self.stiffness * 0.5 * self.reflected_kg)
         drive = spec.add_actuator(
             name="fingers",
             trntype=mujoco.mjtTrn.mjTRN_TENDON,
@@ -148,5 +150,5 @@ class FrankaHand:
             forcerange=(-self.grip_n, self.grip_n),
             forcelimited=True,
         )
-        drive.set_to_position(kp=self.stiffness, kv=damping)
+        drive.set_to_position(kp=self.stiffness)
         return spec
