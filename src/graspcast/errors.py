@@ -3,7 +3,7 @@
 ::
 
     GraspcastError
-    ├── InputError            something from outside is wrong: a file, a column, a value, an argument
+    ├── InputError            something from outside is wrong: a file, a value, an argument
     │   ├── FormatError       a file does not hold what its format promises
     │   ├── UnknownNameError  a name that nobody knows; the message lists those that are known
     │   └── MismatchError     two inputs are each fine, but do not belong together

@@ -159,7 +159,7 @@ def log(a_T_b: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 6"]:
 
 
 def exp(twist: Float[ndarray, "*batch 6"]) -> Float[ndarray, "*batch 4 4"]:
-    """The rigid transform of a twist (translation part, rotation vector); inverse of :func:`log`."""
+    """The rigid transform of a twist (translation part, rotation vector): :func:`log` undone."""
     rho, phi = twist[..., :3], twist[..., 3:]
     angle = np.linalg.norm(phi, axis=-1)[..., None, None]
     k = _skew(phi)

@@ -44,7 +44,7 @@ def test_each_finger_of_the_franka_hand_presses_with_the_set_force(grip_n: float
                 totals[pad] += force[0]
         sums.append(totals)
 
-    outcome = runner.run(IDENTITY, Grasp(from_above(target, 0.02), "box", "franka"), record=watch)
+    outcome = runner.run(IDENTITY, Grasp(from_above(target, 0.02), "box", "parallel"), record=watch)
     assert outcome.success
     for pad in ("hand/left_pad", "hand/right_pad"):
         assert sums[-1][pad] == pytest.approx(grip_n, rel=0.05)
@@ -62,7 +62,7 @@ def test_both_fingers_of_the_franka_hand_move_together_at_the_set_speed() -> Non
 
     # 10 cm too high: the fingers close on nothing.
     runner.run(
-        IDENTITY, Grasp(from_above(box(), 0.13), "box", "franka"), early_stop=False, record=watch
+        IDENTITY, Grasp(from_above(box(), 0.13), "box", "parallel"), early_stop=False, record=watch
     )
     times, left, right = np.array(course).T
     np.testing.assert_allclose(left, right, atol=1e-4)
@@ -75,7 +75,7 @@ def test_both_fingers_of_the_franka_hand_move_together_at_the_set_speed() -> Non
 def test_the_franka_hand_centres_what_it_grips_off_centre() -> None:
     target = box(0.04, 0.04, 0.05)
     runner = TrialRunner(target, FrankaHand())
-    grasp = Grasp(from_above(target, 0.0), "box", "franka")
+    grasp = Grasp(from_above(target, 0.0), "box", "parallel")
     outcome = runner.run(transform(np.eye(3), np.array([0.015, 0, 0])), grasp)
     assert outcome.success
     assert runner.scene.centroid_in_base()[1] == pytest.approx(0.0, abs=1e-3)
@@ -90,7 +90,7 @@ def test_the_franka_hand_grips_within_its_manual() -> None:
 def test_an_object_wider_than_the_stroke_cannot_be_held() -> None:
     target = box(0.09, 0.09, 0.09)
     runner = TrialRunner(target, FrankaHand())
-    outcome = runner.run(IDENTITY, Grasp(from_above(target, 0.02), "box", "franka"))
+    outcome = runner.run(IDENTITY, Grasp(from_above(target, 0.02), "box", "parallel"))
     assert not outcome.success
 
 
@@ -99,8 +99,8 @@ def test_an_object_wider_than_the_stroke_cannot_be_held() -> None:
 
 def test_grippers_are_loaded_by_name_or_by_file() -> None:
     assert {name: type(load_gripper(name)) for name in GRIPPERS} == {
-        "franka": FrankaHand,
-        "tendon_hand": TendonHand,
+        "parallel": FrankaHand,
+        "underactuated": TendonHand,
     }
     assert load_gripper(THREE_JAW).name == "three_jaw"
     with pytest.raises(UnknownNameError, match=r"'frank'.*did you mean 'franka'.*\.toml"):

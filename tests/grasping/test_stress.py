@@ -21,7 +21,7 @@ def runner() -> TrialRunner:
     return TrialRunner(box(), FrankaHand())
 
 
-GRASP = Grasp(from_above(box(), 0.02), "box", "franka")
+GRASP = Grasp(from_above(box(), 0.02), "box", "parallel")
 
 
 def test_a_grade_falls_from_one_to_zero_across_the_edge_of_what_is_held(

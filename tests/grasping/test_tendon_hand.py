@@ -174,7 +174,7 @@ TARGETS = {
 
 def _hold(target: GraspObject, height: float) -> tuple[TrialRunner, Grasp]:
     grasp = from_above(target, height, along_y=bool(target.sim_T_ref[0, 2]))
-    return TrialRunner(target, TendonHand()), Grasp(grasp, target.name, "tendon_hand")
+    return TrialRunner(target, TendonHand()), Grasp(grasp, target.name, "underactuated")
 
 
 @pytest.mark.slow

@@ -24,7 +24,7 @@ from graspcast.grasping.scene import HAND, Scene
 from graspcast.grasping.trial import REASONS, Outcome, TrialRunner, TrialSettings
 from graspcast.grasping.types import Grasp, GraspObject, Primitive
 
-HEIGHTS = {"franka": 0.025, "tendon_hand": 0.005}
+HEIGHTS = {"parallel": 0.025, "underactuated": 0.005}
 GRIPPERS = sorted(HEIGHTS)
 
 
@@ -93,7 +93,7 @@ def test_a_hand_that_starts_in_the_object_or_the_table_is_blocked(gripper: str) 
 
 
 def test_where_the_table_does_not_stop_the_hand_it_does_not_block_it() -> None:
-    runner, grasp = setup("franka", box(), hand_touches_table=False)
+    runner, grasp = setup("parallel", box(), hand_touches_table=False)
     outcome = runner.run(moved(x=0.5, z=-0.6), grasp)
     assert outcome.reason == "missed"
 
@@ -137,7 +137,7 @@ def test_what_slides_too_far_and_is_caught_has_slipped() -> None:
     # From the side, near the foot; the fingers close along y.
     obj_T_grasp = transform(np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]]), np.array([0, 0, -0.02]))
     for stop in (True, False):
-        outcome = runner.run(IDENTITY, Grasp(obj_T_grasp, "nail", "franka"), early_stop=stop)
+        outcome = runner.run(IDENTITY, Grasp(obj_T_grasp, "nail", "parallel"), early_stop=stop)
         assert outcome.reason == "slipped"
         # Pads of 8.5 mm half height, from 2 cm under the middle to the head at 6 cm.
         assert outcome.offset_m == pytest.approx(0.02 + 0.06 - 0.0085, abs=2e-3)
@@ -147,7 +147,7 @@ def test_a_simulation_that_blows_up_is_unstable_and_the_next_trial_is_as_ever(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    runner, grasp = setup("franka", box())
+    runner, grasp = setup("parallel", box())
     sound = runner.run(IDENTITY, grasp)
     for value in (math.nan, math.inf, 1e9):
 
@@ -165,7 +165,7 @@ def test_a_simulation_that_blows_up_is_unstable_and_the_next_trial_is_as_ever(
 def sample(gripper: str, count: int) -> Iterator[tuple[TrialRunner, Float[ndarray, "4 4"], Grasp]]:
     """Trials of easy and hard objects with small and large errors."""
     rng = np.random.default_rng(11)
-    slippery = {"franka": 0.15, "tendon_hand": 0.3}[gripper]
+    slippery = {"parallel": 0.15, "underactuated": 0.3}[gripper]
     targets = [
         (cylinder(), None),
         (cylinder(lying=True), 0.0),
@@ -239,7 +239,7 @@ def test_nothing_tunnels(gripper: str) -> None:
 
         runner.run(error, grasp, record=record)
     # Half of what is thin in either hand: a pad is 9.5 mm deep, a capsule 24 mm.
-    assert 0.0 < max(deepest) < {"franka": 4.75e-3, "tendon_hand": 12e-3}[gripper]
+    assert 0.0 < max(deepest) < {"parallel": 4.75e-3, "underactuated": 12e-3}[gripper]
 
 
 @pytest.mark.parametrize("gripper", GRIPPERS)
@@ -279,7 +279,7 @@ def test_runners_in_two_threads_do_not_disturb_each_other() -> None:
 
 
 def test_a_watcher_sees_the_phases_in_order_at_even_times() -> None:
-    runner, grasp = setup("franka", box())
+    runner, grasp = setup("parallel", box())
     seen: list[tuple[str, float]] = []
     runner.run(IDENTITY, grasp, record=lambda model, data, phase: seen.append((phase, data.time)))
     phases = [phase for phase, _ in seen]
@@ -290,14 +290,14 @@ def test_a_watcher_sees_the_phases_in_order_at_even_times() -> None:
 
 
 def test_wrong_input_is_named() -> None:
-    runner, grasp = setup("franka", box())
+    runner, grasp = setup("parallel", box())
     with pytest.raises(InputError, match="estimate of 'box' must be a finite"):
         runner.run(np.full((4, 4), math.nan), grasp)
     with pytest.raises(InputError, match="must be a rigid transform"):
         runner.run(np.diag([1.0, 1.0, 2.0, 1.0]), grasp)
     with pytest.raises(MismatchError, match="for the object 'mug', the trial for 'box'"):
         runner.run(IDENTITY, replace(grasp, object="mug"))
-    with pytest.raises(MismatchError, match="for the gripper 'claw', the trial for 'franka'"):
+    with pytest.raises(MismatchError, match="for the gripper 'claw', the trial for 'parallel'"):
         runner.run(IDENTITY, replace(grasp, gripper="claw"))
 
 

@@ -206,7 +206,7 @@ class _Trial:
         self._check_sound()
 
     def _clear_until(self) -> float:
-        """A place on the approach (metres, up to 0) before which the open hand touches nothing."""
+        """A place on the approach (metres, up to 0) before which the open hand is clear."""
         steps = math.ceil(self.settings.standoff_m / _SWEEP_M)
         places = np.linspace(-self.settings.standoff_m, 0.0, steps + 1)
         every = max(1, round(_RECORD_S * self.settings.approach_speed / _SWEEP_M))

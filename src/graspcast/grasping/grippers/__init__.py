@@ -14,14 +14,18 @@ from graspcast.grasping.grippers.tendon_hand import TendonHand
 
 __all__ = ["GRIPPERS", "FrankaHand", "MjcfGripper", "TendonHand", "load_gripper"]
 
-GRIPPERS: dict[str, Callable[[], Gripper]] = {"franka": FrankaHand, "tendon_hand": TendonHand}
+GRIPPERS: dict[str, Callable[[], Gripper]] = {"parallel": FrankaHand, "underactuated": TendonHand}
+"""The built-in grippers, by the paper's words for them."""
+
+_OTHER_NAMES = {"franka": "parallel", "tendon_hand": "underactuated"}
 
 
 def load_gripper(name_or_path: str | PathLike[str]) -> Gripper:
     """A built-in gripper by its name, or a user's own from its TOML file.
 
     Args:
-        name_or_path: ``"franka"``, ``"tendon_hand"``, or a path that ends in ``.toml``.
+        name_or_path: ``"parallel"`` (or ``"franka"``), ``"underactuated"`` (or
+            ``"tendon_hand"``), or a path that ends in ``.toml``.
 
     Raises:
         UnknownNameError: for a name that is neither.
@@ -30,8 +34,12 @@ def load_gripper(name_or_path: str | PathLike[str]) -> Gripper:
     path = Path(name_or_path)
     if path.suffix == ".toml":
         return MjcfGripper.from_toml(path)
-    if str(name_or_path) not in GRIPPERS:
+    name = _OTHER_NAMES.get(str(name_or_path), str(name_or_path))
+    if name not in GRIPPERS:
         raise UnknownNameError(
-            "gripper", name_or_path, GRIPPERS, hint="An own gripper is given by its .toml file."
+            "gripper",
+            name_or_path,
+            [*GRIPPERS, *_OTHER_NAMES],
+            hint="An own gripper is given by its .toml file.",
         )
-    return GRIPPERS[str(name_or_path)]()
+    return GRIPPERS[name]()

@@ -51,8 +51,8 @@ class FrankaHand:
 
     @property
     def name(self) -> str:
-        """``"franka"``."""
-        return "franka"
+        """``"parallel"``."""
+        return "parallel"
 
     @property
     def max_opening_m(self) -> float:

@@ -87,8 +87,8 @@ class TendonHand:
 
     @property
     def name(self) -> str:
-        """``"tendon_hand"``."""
-        return "tendon_hand"
+        """``"underactuated"``."""
+        return "underactuated"
 
     @cached_property
     def max_opening_m(self) -> float:

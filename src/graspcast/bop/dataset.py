@@ -1,0 +1,241 @@
+"""A BOP dataset's directory: ground truth, cameras, targets and models.
+
+Layout: https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from graspcast.bop.json_files import identifier, numbers, read_json, require
+from graspcast.bop.models import Models
+from graspcast.bop.results import MAX_ROTATION_DEVIATION, checked_rotations
+from graspcast.bop.units import metres
+from graspcast.errors import FormatError, InputError
+from graspcast.geometry import transform
+
+__all__ = ["BopDataset", "Camera", "GroundTruth", "Target", "read_ground_truth", "read_targets"]
+
+
+@dataclass(frozen=True)
+class GroundTruth:
+    """True poses of every annotated instance, image by image.
+
+    Attributes:
+        scene_id, im_id, obj_id: BOP numbers, (n,).
+        inst_id: Number of the instance among those of its object in its image, from 0, (n,).
+        cam_T_obj: Poses in metres, (n, 4, 4).
+        visib_fract: Visible share of the silhouette, NaN where it is not stated, (n,).
+        source: Where they came from, for messages.
+    """
+
+    scene_id: Int[ndarray, "n"]
+    im_id: Int[ndarray, "n"]
+    obj_id: Int[ndarray, "n"]
+    inst_id: Int[ndarray, "n"]
+    cam_T_obj: Float[ndarray, "n 4 4"]
+    visib_fract: Float[ndarray, "n"]
+    source: str = "ground truth"
+
+    def __len__(self) -> int:
+        return len(self.obj_id)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Intrinsics of one image: the 3x3 matrix (pixels), and metres per depth unit."""
+
+    K: Float[ndarray, "3 3"]
+    depth_scale_m: float
+
+
+@dataclass(frozen=True)
+class Target:
+    """One line of a targets file; ``obj_id`` and ``inst_count`` are None in the bop24 format."""
+
+    scene_id: int
+    im_id: int
+    obj_id: int | None = None
+    inst_count: int | None = None
+
+
+def _scenes(directory: Path, file: str) -> Iterator[tuple[int, Path]]:
+    """Scene number and path of ``file`` in each scene folder that has it."""
+    if not directory.is_dir():
+        raise InputError(f"{directory}: no such directory; it should hold scene folders (000001 …)")
+    found = sorted(p for p in directory.iterdir() if p.name.isdigit() and (p / file).is_file())
+    if not found:
+        raise InputError(f"{directory}: no scene folder here has a {file}")
+    for folder in found:
+        yield int(folder.name), folder / file
+
+
+def read_ground_truth(directory: str | PathLike[str]) -> GroundTruth:
+    """Read ``scene_gt.json`` (and ``scene_gt_info.json`` where it exists) of all scene folders.
+
+    Rotations nearer than 0.02 to one (as in the official LM-O files) are projected.
+
+    Raises:
+        InputError: if there are no scene folders.
+        FormatError: naming file, image and key.
+    """
+    directory = Path(directory)
+    keys: list[tuple[int, int, int, int]] = []
+    rotations: list[ndarray] = []
+    translations: list[ndarray] = []
+    visible: list[float] = []
+    for scene_id, path in _scenes(directory, "scene_gt.json"):
+        images = read_json(path, dict)
+        info_path = path.with_name("scene_gt_info.json")
+        info = read_json(info_path, dict) if info_path.is_file() else {}
+        scene_start = len(rotations)
+        for image, instances in images.items():
+            where = f"image {image}"
+            im_id = identifier(image, path, where)
+            if not isinstance(instances, list):
+                raise FormatError(path, "should be a list of instances", where=where)
+            shares = _visible(info.get(image), len(instances), info_path, where)
+            seen: dict[int, int] = {}
+            for i, entry in enumerate(instances):
+                at = f"{where}, instance {i}"
+                obj_id = identifier(require(entry, "obj_id", path, at), path, at)
+                inst_id = seen[obj_id] = seen.get(obj_id, -1) + 1
+                keys.append((scene_id, im_id, obj_id, inst_id))
+                rotations.append(numbers(require(entry, "cam_R_m2c", path, at), (3, 3), path, at))
+                translations.append(numbers(require(entry, "cam_t_m2c", path, at), (3,), path, at))
+            visible.extend(shares)
+        _, distance = checked_rotations(np.array(rotations[scene_start:]).reshape(-1, 3, 3))
+        if (distance > MAX_ROTATION_DEVIATION).any():
+            worst = keys[scene_start + int(np.argmax(distance))]
+            raise FormatError(
+                path,
+                f"cam_R_m2c is {distance.max():.3g} away from the nearest rotation matrix",
+                where=f"image {worst[1]}, object {worst[2]}",
+            )
+    table = np.array(keys, dtype=np.int64).reshape(-1, 4)
+    rotation, _ = checked_rotations(np.array(rotations).reshape(-1, 3, 3))
+    return GroundTruth(
+        scene_id=table[:, 0],
+        im_id=table[:, 1],
+        obj_id=table[:, 2],
+        inst_id=table[:, 3],
+        cam_T_obj=transform(rotation, metres(np.array(translations).reshape(-1, 3))),
+        visib_fract=np.array(visible, dtype=np.float64),
+        source=str(directory),
+    )
+
+
+def _visible(entries: Any, count: int, path: Path, where: str) -> list[float]:
+    if entries is None:
+        return [float("nan")] * count
+    if not isinstance(entries, list) or len(entries) != count:
+        raise FormatError(path, f"should list {count} instances, as scene_gt.json", where=where)
+    return [
+        float(numbers(require(e, "visib_fract", path, where), (), path, f"{where}, visib_fract"))
+        for e in entries
+    ]
+
+
+def read_targets(path: str | PathLike[str]) -> list[Target]:
+    """Read a targets file, bop19 (image, object, count) or bop24 (image alone).
+
+    Raises:
+        FormatError: naming the entry and the key.
+    """
+    out = []
+    for i, entry in enumerate(read_json(path, list)):
+        where = f"entry {i}"
+        scene_id = identifier(require(entry, "scene_id", path, where), path, where)
+        im_id = identifier(require(entry, "im_id", path, where), path, where)
+        if "obj_id" not in entry:
+            out.append(Target(scene_id, im_id))
+            continue
+        obj_id = identifier(entry["obj_id"], path, where)
+        count = identifier(require(entry, "inst_count", path, where), path, where)
+        out.append(Target(scene_id, im_id, obj_id, count))
+    return out
+
+
+def _camera(entry: Any, path: Path, where: str) -> Camera:
+    K = numbers(require(entry, "cam_K", path, where), (3, 3), path, f"{where}, cam_K")
+    scale = numbers(entry.get("depth_scale", 1.0), (), path, f"{where}, depth_scale")
+    return Camera(K=K, depth_scale_m=float(metres(scale)))
+
+
+class BopDataset:
+    """A BOP dataset directory, read when asked for; its name is the directory's.
+
+    Args:
+        root: The directory (``lmo``, ``ycbv``, …) with ``camera.json``, ``models`` and splits.
+        ground_truth: Where the scene folders lie, if not in a split of ``root``.
+        split: The split that holds the scene folders.
+        name: The dataset's name, if not the directory's.
+
+    Raises:
+        InputError: if ``root`` is not a directory.
+    """
+
+    def __init__(
+        self,
+        root: str | PathLike[str],
+        *,
+        ground_truth: str | PathLike[str] | None = None,
+        split: str = "test",
+        name: str | None = None,
+    ):
+        self.root = Path(root)
+        if not self.root.is_dir():
+            raise InputError(f"{root}: no such directory; --bop takes a BOP dataset's directory")
+        self.name = name or self.root.resolve().name
+        self.scenes = Path(ground_truth) if ground_truth else self.root / split
+
+    @cached_property
+    def models(self) -> Models:
+        """The evaluation models where the dataset has them, else its models."""
+        for folder in ("models_eval", "models"):
+            if (self.root / folder / "models_info.json").is_file():
+                return Models(self.root / folder)
+        raise InputError(f"{self.root}: no models/models_info.json here; is it a BOP dataset?")
+
+    @cached_property
+    def ground_truth(self) -> GroundTruth:
+        """All true poses of the split."""
+        return read_ground_truth(self.scenes)
+
+    @cached_property
+    def camera(self) -> Camera:
+        """The dataset's common camera, from ``camera.json``."""
+        path = self.root / "camera.json"
+        entry = read_json(path, dict)
+        fx, fy, cx, cy = (
+            float(numbers(require(entry, key, path, key), (), path, key))
+            for key in ("fx", "fy", "cx", "cy")
+        )
+        K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
+        scale = numbers(entry.get("depth_scale", 1.0), (), path, "depth_scale")
+        return Camera(K=K, depth_scale_m=float(metres(scale)))
+
+    @cached_property
+    def scene_cameras(self) -> dict[tuple[int, int], Camera]:
+        """(scene, image) to its camera, from every ``scene_camera.json`` of the split."""
+        out = {}
+        for scene_id, path in _scenes(self.scenes, "scene_camera.json"):
+            for image, entry in read_json(path, dict).items():
+                where = f"image {image}"
+                out[scene_id, identifier(image, path, where)] = _camera(entry, path, where)
+        return out
+
+    def camera_of(self, scene_id: int, im_id: int) -> Camera:
+        """The camera of an image: its own where the scene states one, else the dataset's."""
+        if any(self.scenes.glob("*/scene_camera.json")):
+            return self.scene_cameras.get((scene_id, im_id), self.camera)
+        return self.camera

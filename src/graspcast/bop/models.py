@@ -1,0 +1,177 @@
+"""A BOP dataset's object models: sizes, symmetries and meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from graspcast.bop.json_files import identifier, numbers, read_json, require
+from graspcast.bop.meshes import Mesh, read_mesh
+from graspcast.bop.results import MAX_ROTATION_DEVIATION, checked_rotations
+from graspcast.bop.units import metres
+from graspcast.errors import FormatError, UnknownNameError
+from graspcast.geometry import rotation_from_vector, transform
+
+__all__ = ["ContinuousSymmetry", "ModelInfo", "Models", "read_models_info"]
+
+_SYMMETRY_STEP = 0.01
+"""Largest move of a point, as a share of the diameter, between two discretised symmetries."""
+
+
+@dataclass(frozen=True)
+class ContinuousSymmetry:
+    """Any rotation about an axis: its direction and a point on it (metres, object frame)."""
+
+    axis: Float[ndarray, "3"]
+    offset: Float[ndarray, "3"]
+
+
+@dataclass(frozen=True)
+class ModelInfo:
+    """One object's entry of ``models_info.json``.
+
+    Attributes:
+        obj_id: The object's number.
+        diameter_m: The largest distance between two vertices.
+        lower, size: Corner and extent of the bounding box, metres, (3,).
+        discrete: Symmetry transforms other than the identity, (s, 4, 4).
+        continuous: Axes of rotational symmetry.
+    """
+
+    obj_id: int
+    diameter_m: float
+    lower: Float[ndarray, "3"]
+    size: Float[ndarray, "3"]
+    discrete: Float[ndarray, "s 4 4"]
+    continuous: tuple[ContinuousSymmetry, ...] = ()
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether any pose looks the same as another."""
+        return bool(len(self.discrete) or self.continuous)
+
+    @cached_property
+    def symmetries(self) -> Float[ndarray, "s 4 4"]:
+        """Every symmetry as a transform, the identity first.
+
+        Continuous ones are sampled so finely that no point moves by more than 1 % of the
+        diameter from one to the next (Hodan et al., BOP Challenge 2020, Section 2.2), and combined
+        with the discrete ones.
+        """
+        discrete = np.concatenate([np.eye(4)[None], self.discrete])
+        if not self.continuous:
+            return discrete
+        steps = int(np.ceil(np.pi / _SYMMETRY_STEP))
+        angles = np.arange(steps) * (2 * np.pi / steps)
+        out = []
+        for symmetry in self.continuous:
+            rotation = rotation_from_vector(angles[:, None] * symmetry.axis)
+            about_axis = transform(rotation, symmetry.offset - rotation @ symmetry.offset)
+            # The discrete one first, then the turn about the object's axis.
+            out.append((discrete[:, None] @ about_axis[None]).reshape(-1, 4, 4))
+        return np.concatenate(out)
+
+
+def read_models_info(path: str | PathLike[str]) -> dict[int, ModelInfo]:
+    """Read ``models_info.json``: object number to its sizes and symmetries.
+
+    Raises:
+        FormatError: naming the object and the key.
+    """
+    out: dict[int, ModelInfo] = {}
+    for key, entry in read_json(path, dict).items():
+        where = f"object {key}"
+        obj_id = identifier(key, path, where)
+
+        def number(name: str, entry: Any = entry, where: str = where) -> float:
+            return float(numbers(require(entry, name, path, where), (), path, f"{where}, {name}"))
+
+        diameter = number("diameter")
+        if diameter <= 0:
+            raise FormatError(path, "the diameter should be positive", where=where)
+        out[obj_id] = ModelInfo(
+            obj_id=obj_id,
+            diameter_m=float(metres(np.array(diameter))),
+            lower=metres(np.array([number(f"min_{a}") for a in "xyz"])),
+            size=metres(np.array([number(f"size_{a}") for a in "xyz"])),
+            discrete=_discrete(entry, path, where),
+            continuous=_continuous(entry, path, where),
+        )
+    if not out:
+        raise FormatError(path, "lists no object")
+    return out
+
+
+def _discrete(entry: Mapping[str, Any], path: str | PathLike[str], where: str) -> ndarray:
+    where = f"{where}, symmetries_discrete"
+    listed = entry.get("symmetries_discrete", [])
+    if not isinstance(listed, list):
+        raise FormatError(path, "should be a list", where=where)
+    raw = np.array([numbers(v, (4, 4), path, where) for v in listed]).reshape(-1, 4, 4)
+    rotation, distance = checked_rotations(raw[:, :3, :3])
+    if (distance > MAX_ROTATION_DEVIATION).any():
+        raise FormatError(path, "holds a matrix that is not a rotation", where=where)
+    return transform(rotation, metres(raw[:, :3, 3]))
+
+
+def _continuous(
+    entry: Mapping[str, Any], path: str | PathLike[str], where: str
+) -> tuple[ContinuousSymmetry, ...]:
+    where = f"{where}, symmetries_continuous"
+    listed = entry.get("symmetries_continuous", [])
+    if not isinstance(listed, list):
+        raise FormatError(path, "should be a list", where=where)
+    out = []
+    for item in listed:
+        axis = numbers(require(item, "axis", path, where), (3,), path, f"{where}, axis")
+        offset = numbers(require(item, "offset", path, where), (3,), path, f"{where}, offset")
+        if (length := float(np.linalg.norm(axis))) == 0:
+            raise FormatError(path, "the axis has no length", where=where)
+        out.append(ContinuousSymmetry(axis=axis / length, offset=metres(offset)))
+    return tuple(out)
+
+
+class Models:
+    """A directory of models (``models_info.json`` and ``obj_000001.ply`` …), read when asked for.
+
+    Args:
+        directory: ``models`` or ``models_eval`` of a BOP dataset.
+
+    Raises:
+        FormatError: if ``models_info.json`` is missing or wrong.
+    """
+
+    def __init__(self, directory: str | PathLike[str]):
+        self.directory = Path(directory)
+        self.info = read_models_info(self.directory / "models_info.json")
+        self._meshes: dict[int, Mesh] = {}
+
+    def __getitem__(self, obj_id: int) -> ModelInfo:
+        """The entry of an object.
+
+        Raises:
+            UnknownNameError: listing the objects there are.
+        """
+        if obj_id not in self.info:
+            raise UnknownNameError(
+                "object",
+                obj_id,
+                sorted(self.info),
+                hint=f"They are those of {self.directory / 'models_info.json'}",
+            )
+        return self.info[obj_id]
+
+    def mesh(self, obj_id: int) -> Mesh:
+        """The mesh of an object, in metres; read once."""
+        self[obj_id]
+        if obj_id not in self._meshes:
+            self._meshes[obj_id] = read_mesh(self.directory / f"obj_{obj_id:06d}.ply")
+        return self._meshes[obj_id]

@@ -1,0 +1,1 @@
+"""Learning from outcomes: samples, the baseline, the networks, the forecaster and their scores."""

@@ -1,0 +1,187 @@
+"""Instances with known outcomes, and ways to split them.
+
+Frames are video: a random split puts neighbours of nearly the same picture on both sides. Splits
+here keep scenes apart, and cut the only scene of a dataset into contiguous blocks of frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+from jaxtyping import Bool, Int
+from numpy import ndarray
+
+from graspcast.errors import FormatError, MismatchError, UnknownNameError
+from graspcast.estimates import Estimates
+
+__all__ = [
+    "Samples",
+    "by_object",
+    "by_scene",
+    "join",
+    "published_part",
+    "read_split",
+    "scene_groups",
+]
+
+Fold = tuple[Int[ndarray, "train"], Int[ndarray, "test"]]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Instances whose grasp, guided by the principal, was tried with one gripper.
+
+    Attributes:
+        estimates: The instances' poses by all estimators.
+        principal: The estimator that guided the grasps.
+        gripper: The gripper's name.
+        success: Outcomes, (n,).
+        untried: How many instances were left out because they have no outcome.
+    """
+
+    estimates: Estimates
+    principal: str
+    gripper: str
+    success: Bool[ndarray, "n"]
+    untried: int = 0
+
+    def __len__(self) -> int:
+        return len(self.success)
+
+    @property
+    def objects(self) -> ndarray:
+        """``dataset-number`` of each sample's object."""
+        return self.estimates.objects
+
+    def select(self, which: Bool[ndarray, "n"] | Int[ndarray, "m"]) -> Samples:
+        """Some of the samples."""
+        chosen = self.estimates.select(which)
+        return Samples(chosen, self.principal, self.gripper, self.success[which], self.untried)
+
+
+def _keys(estimates: Estimates) -> pl.DataFrame:
+    return pl.DataFrame(
+        {
+            "dataset": estimates.dataset.tolist(),
+            "scene_id": estimates.scene_id,
+            "im_id": estimates.im_id,
+            "obj_id": estimates.obj_id,
+            "inst_id": estimates.inst_id,
+        }
+    )
+
+
+def join(estimates: Estimates, outcomes: pl.DataFrame, principal: str, gripper: str) -> Samples:
+    """Give each instance the outcome of the trial that its principal guided.
+
+    Raises:
+        UnknownNameError: for a principal or gripper that is not there.
+        MismatchError: if no instance has an outcome.
+    """
+    estimates.index(principal)
+    grippers = outcomes["gripper"].unique().sort().to_list()
+    if gripper not in grippers:
+        raise UnknownNameError("gripper", gripper, grippers, hint="These have outcomes")
+    tried = outcomes.filter(pl.col("estimator") == principal, pl.col("gripper") == gripper)
+    keys = _keys(estimates)
+    success = keys.join(
+        tried.select(*keys.columns, "success"),
+        on=keys.columns,
+        how="left",
+        validate="m:1",
+        maintain_order="left",
+    )["success"]
+    has = success.is_not_null().to_numpy()
+    if not has.any():
+        known = outcomes.select("estimator", "dataset").unique().sort("estimator", "dataset")
+        pairs = ", ".join(f"{e} on {d}" for e, d in known.rows())
+        raise MismatchError(
+            f"no instance has an outcome of {principal} with the {gripper} gripper; "
+            f"there are outcomes of {pairs or 'nothing'}"
+        )
+    return Samples(
+        estimates=estimates.select(has),
+        principal=principal,
+        gripper=gripper,
+        success=success.drop_nulls().to_numpy() == 1,
+        untried=int((~has).sum()),
+    )
+
+
+def read_split(path: str | PathLike[str]) -> pl.DataFrame:
+    """Read ``split.csv``: principal, gripper, dataset, scene_id, im_id, obj_id, split.
+
+    Raises:
+        FormatError: if a column is missing, or ``split`` holds more than train and test.
+    """
+    columns = ("principal", "gripper", "dataset", "scene_id", "im_id", "obj_id", "split")
+    try:
+        frame = pl.read_csv(Path(path))
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise FormatError(path, f"cannot be read ({str(error).splitlines()[0]})") from error
+    missing = [name for name in columns if name not in frame.columns]
+    if missing:
+        raise FormatError(path, f"no column {', '.join(missing)}; found {frame.columns}")
+    if odd := set(frame["split"].unique()) - {"train", "test"}:
+        raise FormatError(path, f"split should be train or test, but holds {odd}")
+    return frame.select(columns)
+
+
+def published_part(samples: Samples, split: pl.DataFrame) -> ndarray:
+    """``train``, ``test`` or an empty string for each sample, by its principal and gripper."""
+    mine = split.filter(
+        pl.col("principal") == samples.principal, pl.col("gripper") == samples.gripper
+    )
+    keys = _keys(samples.estimates)
+    on = ["dataset", "scene_id", "im_id", "obj_id"]
+    part = keys.join(mine.select(*on, "split"), on=on, how="left", maintain_order="left")["split"]
+    return part.fill_null("").to_numpy().astype(str)
+
+
+def scene_groups(estimates: Estimates, *, blocks: int = 5) -> ndarray:
+    """A name for each instance's scene.
+
+    A dataset's only scene is cut into ``blocks`` contiguous runs of frames of about equal size,
+    since it could not be split otherwise.
+    """
+    names = np.array(
+        [f"{d}/{s}" for d, s in zip(estimates.dataset, estimates.scene_id, strict=True)],
+        dtype=object,
+    )
+    for dataset in np.unique(estimates.dataset):
+        mine = estimates.dataset == dataset
+        if len(np.unique(names[mine])) > 1:
+            continue
+        frames = np.unique(estimates.im_id[mine])
+        block = np.searchsorted(frames, estimates.im_id[mine]) * blocks // len(frames)
+        names[mine] = [f"{n}#{b}" for n, b in zip(names[mine], block, strict=True)]
+    return names.astype(str)
+
+
+def by_scene(samples: Samples, *, folds: int = 5, seed: int = 0) -> Iterator[Fold]:
+    """Cross-validation in which no scene (or block of frames) is on both sides.
+
+    Raises:
+        MismatchError: if there are fewer scenes than folds.
+    """
+    from sklearn.model_selection import StratifiedGroupKFold
+
+    groups = scene_groups(samples.estimates)
+    if (count := len(np.unique(groups))) < folds:
+        raise MismatchError(f"{count} scenes cannot make {folds} folds; ask for fewer folds")
+    splitter = StratifiedGroupKFold(n_splits=folds, shuffle=True, random_state=seed)
+    # Objects too should be spread evenly, so they are part of what is stratified.
+    strata = [f"{o}:{s}" for o, s in zip(samples.objects, samples.success, strict=True)]
+    yield from splitter.split(np.zeros(len(samples)), strata, groups)
+
+
+def by_object(samples: Samples) -> Iterator[tuple[str, Fold]]:
+    """Each object left out in turn: its name, and (train, test)."""
+    objects = samples.objects
+    for name in np.unique(objects):
+        yield str(name), (np.flatnonzero(objects != name), np.flatnonzero(objects == name))

@@ -1,0 +1,149 @@
+"""How good predicted probabilities are, once the outcomes are known."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from graspcast.errors import InputError
+
+__all__ = ["RiskCoverage", "Scores", "calibration_error", "risk_coverage", "score"]
+
+COVERAGES = (0.5, 0.7, 0.9)
+
+
+@dataclass(frozen=True)
+class RiskCoverage:
+    """The failure rate of the attempted share, the most probable successes attempted first.
+
+    Attributes:
+        coverage: Share attempted, ascending to 1, (n,).
+        risk: Share of these that fail, (n,); samples of equal probability count as their average.
+    """
+
+    coverage: Float[ndarray, "n"]
+    risk: Float[ndarray, "n"]
+
+    @property
+    def area(self) -> float:
+        """AURC: the mean risk over all coverages (Geifman et al., 2019); smaller is better."""
+        return float(self.risk.mean())
+
+    def success_at(self, coverage: float) -> float:
+        """Success rate when this share is attempted."""
+        count = max(1, round(coverage * len(self.risk)))
+        return float(1.0 - self.risk[count - 1])
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Scores of one set of predictions.
+
+    Attributes:
+        n: Samples.
+        accuracy: At a probability of 0.5, averaged over objects (the paper's figure).
+        accuracy_se: Its standard error, taking samples as independent (video frames are not: it is
+            a lower bound).
+        accuracy_micro: At 0.5, over all samples alike.
+        majority: Accuracy of always guessing each object's more frequent outcome, over objects.
+        auroc: Area under the ROC curve over all samples; NaN if there is only one class.
+        brier: Mean squared difference of probability and outcome.
+        ece: Expected calibration error, 15 bins of equal width.
+        aurc: Area under the risk-coverage curve.
+        success_at_50, success_at_70, success_at_90: Success rate of that most probable share.
+        success: Success rate of all samples.
+    """
+
+    n: int
+    accuracy: float
+    accuracy_se: float
+    accuracy_micro: float
+    majority: float
+    auroc: float
+    brier: float
+    ece: float
+    aurc: float
+    success_at_50: float
+    success_at_70: float
+    success_at_90: float
+    success: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain numbers, for JSON; NaN becomes None."""
+        return {k: None if v != v else v for k, v in asdict(self).items()}
+
+
+def calibration_error(
+    probability: Float[ndarray, "n"], success: Bool[ndarray, "n"], *, bins: int = 15
+) -> float:
+    """Expected calibration error (Naeini et al., 2015) over bins of equal width.
+
+    The mean, weighted by the bins' sizes, of the difference between a bin's mean probability and
+    its success rate.
+    """
+    number = np.minimum((probability * bins).astype(np.int64), bins - 1)
+    gap = np.bincount(number, weights=probability - success, minlength=bins)
+    return float(np.abs(gap).sum() / len(success))
+
+
+def risk_coverage(probability: Float[ndarray, "n"], success: Bool[ndarray, "n"]) -> RiskCoverage:
+    """Failure rate against the share attempted."""
+    order = np.argsort(-probability, kind="stable")
+    sorted_probability = probability[order]
+    failed = (~success[order]).astype(np.float64)
+    # Equal probabilities give no order, so each counts as the average of its run.
+    _, run, size = np.unique(-sorted_probability, return_inverse=True, return_counts=True)
+    failed = (np.bincount(run, weights=failed) / size)[run]
+    attempted = np.arange(1, len(order) + 1)
+    return RiskCoverage(attempted / len(order), np.cumsum(failed) / attempted)
+
+
+def score(
+    probability: Float[ndarray, "n"],
+    success: Bool[ndarray, "n"],
+    objects: ndarray,
+) -> Scores:
+    """Score probabilities against outcomes.
+
+    Args:
+        probability: Of success, from 0 to 1, (n,).
+        success: Outcomes, (n,).
+        objects: Each sample's object, (n,); accuracy is averaged over them.
+
+    Raises:
+        InputError: if there are no samples.
+    """
+    from sklearn.metrics import brier_score_loss, roc_auc_score
+
+    if len(success) == 0:
+        raise InputError("there are no samples to score")
+    right = (probability >= 0.5) == success
+    accuracy, variance, majority = [], [], []
+    for name in np.unique(objects):
+        mine = objects == name
+        rate = float(right[mine].mean())
+        accuracy.append(rate)
+        variance.append(rate * (1 - rate) / mine.sum())
+        held = float(success[mine].mean())
+        majority.append(max(held, 1 - held))
+    both = bool(success.any() and not success.all())
+    curve = risk_coverage(probability, success)
+    return Scores(
+        n=len(success),
+        accuracy=float(np.mean(accuracy)),
+        accuracy_se=float(np.sqrt(np.sum(variance)) / len(variance)),
+        accuracy_micro=float(right.mean()),
+        majority=float(np.mean(majority)),
+        auroc=float(roc_auc_score(success, probability)) if both else float("nan"),
+        brier=float(brier_score_loss(success, probability)),
+        ece=calibration_error(probability, success),
+        aurc=curve.area,
+        success_at_50=curve.success_at(0.5),
+        success_at_70=curve.success_at(0.7),
+        success_at_90=curve.success_at(0.9),
+        success=float(success.mean()),
+    )

@@ -1,0 +1,97 @@
+"""Outcomes of grasp trials as a table: which estimate, which gripper, held or not.
+
+Columns: ``estimator, dataset, scene_id, im_id, obj_id, gripper, success`` and, where an image shows
+several instances of an object, ``inst_id`` (0 where it is absent): the rank by score of the
+detection among those of its object in its image.
+"""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from graspcast.errors import FormatError
+from graspcast.files import atomic_write
+
+__all__ = ["KEYS", "read_outcomes", "write_table"]
+
+KEYS = ("estimator", "dataset", "scene_id", "im_id", "obj_id", "inst_id", "gripper")
+_COLUMNS: dict[str, Any] = {
+    "estimator": pl.String,
+    "dataset": pl.String,
+    "scene_id": pl.Int64,
+    "im_id": pl.Int64,
+    "obj_id": pl.Int64,
+    "gripper": pl.String,
+    "success": pl.Int64,
+}
+
+
+def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
+    """Read outcomes from CSV, Parquet, or a directory of Parquet shards (a campaign).
+
+    Returns:
+        The columns of :data:`KEYS` and ``success`` (0 or 1); further columns are left out.
+
+    Raises:
+        FormatError: naming the file, the column or row, and the remedy.
+    """
+    path = Path(path)
+    frame = _read(path)
+    missing = [name for name in _COLUMNS if name not in frame.columns]
+    if missing:
+        raise FormatError(
+            path, f"no column {', '.join(map(repr, missing))}; found {', '.join(frame.columns)}"
+        )
+    if "inst_id" not in frame.columns:
+        frame = frame.with_columns(inst_id=pl.lit(0, pl.Int64))
+    kinds = {**_COLUMNS, "inst_id": pl.Int64}
+    try:
+        frame = frame.select(pl.col(name).cast(kinds[name]) for name in (*KEYS, "success"))
+    except pl.exceptions.PolarsError as error:
+        first = str(error).splitlines()[0]
+        raise FormatError(path, f"a column does not hold what it should ({first})") from error
+    bad = frame.with_row_index("row").filter(
+        pl.any_horizontal(pl.all().is_null()) | ~pl.col("success").is_in([0, 1])
+    )
+    if len(bad):
+        row = bad.row(0, named=True)
+        raise FormatError(
+            path,
+            "an empty field, or a success that is neither 0 nor 1",
+            where=f"row {row['row'] + 1}",
+        )
+    twice = frame.filter(frame.select(KEYS).is_duplicated())
+    if len(twice):
+        values = ", ".join(f"{k} {v}" for k, v in twice.select(KEYS).row(0, named=True).items())
+        raise FormatError(path, f"{len(twice)} rows share their trial with another: {values}")
+    return frame
+
+
+def _read(path: Path) -> pl.DataFrame:
+    try:
+        if path.is_dir():
+            shards = sorted(path.glob("**/*.parquet"))
+            if not shards:
+                raise FormatError(path, "no Parquet files in this directory")
+            return pl.read_parquet(shards)
+        if path.suffix == ".parquet":
+            return pl.read_parquet(path)
+        return pl.read_csv(path, infer_schema_length=None)
+    except OSError as error:
+        raise FormatError(path, f"cannot be read ({error.strerror or error})") from error
+    except pl.exceptions.PolarsError as error:
+        kind = "a Parquet file" if path.suffix == ".parquet" else "a CSV file"
+        raise FormatError(path, f"is not {kind} ({str(error).splitlines()[0]})") from error
+
+
+def write_table(path: str | PathLike[str], frame: pl.DataFrame) -> None:
+    """Write a table, as Parquet or CSV by the path's ending, whole or not at all."""
+    with atomic_write(path) as temporary:
+        if Path(path).suffix == ".parquet":
+            frame.write_parquet(temporary)
+        else:
+            frame.write_csv(temporary)

@@ -1,0 +1,129 @@
+"""The published data (``--data DIR``): estimates, ground truth, outcomes and the authors' split.
+
+The layout is that of ``graspcast import-release``, in ``DIR/published`` or ``DIR`` itself, and
+BOP dataset directories for the object models in ``DIR/bop``::
+
+    DIR/published/lmo/{epos,gdrnpp,zebrapose}_lmo-test.csv, trials.csv, split.csv, ground_truth/
+    DIR/bop/lmo/models_eval/obj_000001.ply …
+    DIR/raw/<checkout of the authors' repository>, if there is one
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+from numpy import ndarray
+
+from graspcast.bop.dataset import BopDataset
+from graspcast.bop.models import Models
+from graspcast.bop.results import read_results
+from graspcast.errors import InputError
+from graspcast.estimates import Estimates, align, concatenate
+from graspcast.learning.samples import Samples, join, published_part, read_split
+from graspcast.outcomes import read_outcomes
+
+__all__ = ["DATASETS", "ESTIMATORS", "GRIPPERS", "OBJECTS", "Published"]
+
+DATASETS = ("ycbv", "lmo")
+ESTIMATORS = ("epos", "gdrnpp", "zebrapose")
+GRIPPERS = ("parallel", "underactuated")
+OBJECTS = {
+    "ycbv-2": "Cracker box",
+    "ycbv-3": "Sugar box",
+    "ycbv-4": "Soup can",
+    "ycbv-5": "Mustard bottle",
+    "ycbv-8": "Gelatin box",
+    "ycbv-9": "Potted meat can",
+    "ycbv-12": "Bleach cleanser",
+    "lmo-1": "Ape",
+    "lmo-5": "Can",
+    "lmo-6": "Cat",
+    "lmo-8": "Drill",
+    "lmo-9": "Duck",
+    "lmo-10": "Egg carton",
+    "lmo-11": "Glue",
+    "lmo-12": "Hole-puncher",
+}
+"""The paper's names of its objects, in the order of its Table I."""
+
+
+@dataclass(frozen=True)
+class Published:
+    """The published data in a directory, read when asked for.
+
+    Raises:
+        InputError: if the directory is not one.
+    """
+
+    directory: Path
+
+    def __init__(self, directory: str | PathLike[str]):
+        object.__setattr__(self, "directory", Path(directory))
+        if not (self.files / "lmo" / "trials.csv").is_file():
+            raise InputError(
+                f"{directory}: no published/lmo/trials.csv here; --data takes a directory that "
+                "holds what 'graspcast import-release' writes (as published/) and bop/"
+            )
+
+    @property
+    def files(self) -> Path:
+        """Where the datasets' folders lie."""
+        inner = self.directory / "published"
+        return inner if inner.is_dir() else self.directory
+
+    def results_path(self, estimator: str, dataset: str) -> Path:
+        """The results CSV of an estimator."""
+        return self.files / dataset / f"{estimator}_{dataset}-test.csv"
+
+    @cached_property
+    def bop(self) -> dict[str, BopDataset]:
+        """Each dataset with its models and the published ground truth."""
+        return {
+            name: BopDataset(
+                self.directory / "bop" / name,
+                ground_truth=self.files / name / "ground_truth",
+                name=name,
+            )
+            for name in DATASETS
+        }
+
+    @cached_property
+    def models(self) -> dict[str, Models]:
+        """Each dataset's object models."""
+        return {name: dataset.models for name, dataset in self.bop.items()}
+
+    @property
+    def release(self) -> Path | None:
+        """A checkout of the authors' repository, if ``DIR/raw`` has one."""
+        found = sorted((self.directory / "raw").glob("*/Train-Grasp-Success-Prediction"))
+        return found[0].parent if found else None
+
+    @cached_property
+    def outcomes(self) -> pl.DataFrame:
+        """Outcomes of all trials."""
+        return pl.concat([read_outcomes(self.files / name / "trials.csv") for name in DATASETS])
+
+    @cached_property
+    def estimates(self) -> Estimates:
+        """The 3,152 instances of the paper's objects that all three estimators found."""
+        parts = []
+        for name in DATASETS:
+            tables = {e: read_results(self.results_path(e, name)) for e in ESTIMATORS}
+            together = align(tables, dataset=name)
+            parts.append(together.select(np.isin(together.objects, list(OBJECTS))))
+        return concatenate(parts)
+
+    @cached_property
+    def split(self) -> pl.DataFrame:
+        """The authors' split of each principal and gripper."""
+        return pl.concat([read_split(self.files / name / "split.csv") for name in DATASETS])
+
+    def samples(self, principal: str, gripper: str) -> tuple[Samples, ndarray]:
+        """The samples of a principal and gripper, and each one's part: train or test."""
+        samples = join(self.estimates, self.outcomes, principal, gripper)
+        return samples, published_part(samples, self.split)

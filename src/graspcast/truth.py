@@ -1,0 +1,152 @@
+"""Estimates against ground truth: which true instance each one means, and how far off it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+import numpy as np
+import polars as pl
+from jaxtyping import Int
+from numpy import ndarray
+
+from graspcast import pose_error
+from graspcast.bop.dataset import BopDataset, GroundTruth
+from graspcast.bop.models import Models
+from graspcast.bop.results import Results
+from graspcast.errors import MismatchError
+from graspcast.estimates import assign, instance_numbers
+
+__all__ = ["MEASURES", "match", "measure", "summarise"]
+
+MEASURES = {
+    "rotation_deg": "angle between the rotations, symmetries taken into account",
+    "translation_mm": "distance of the origins",
+    "ray_share": "share of the translation error along the viewing ray",
+    "add_mm": "average distance of model points (ADD)",
+    "add_s_mm": "average distance to the nearest model point (ADD-S)",
+    "mssd_mm": "maximum symmetry-aware surface distance",
+    "mspd_px": "maximum symmetry-aware projection distance",
+}
+
+
+def match(results: Results, truth: GroundTruth) -> Int[ndarray, "n"]:
+    """The row of the true instance that each estimate means, -1 where there is none.
+
+    Several of one object in an image are paired one to one with the smallest total distance.
+
+    Raises:
+        MismatchError: if not one estimate's image is known to the ground truth.
+    """
+    known: dict[tuple[int, int, int], list[int]] = {}
+    keys = (truth.scene_id.tolist(), truth.im_id.tolist(), truth.obj_id.tolist())
+    for row, key in enumerate(zip(*keys, strict=True)):
+        known.setdefault(key, []).append(row)
+    asked: dict[tuple[int, int, int], list[int]] = {}
+    keys = (results.scene_id.tolist(), results.im_id.tolist(), results.obj_id.tolist())
+    for row, key in enumerate(zip(*keys, strict=True)):
+        asked.setdefault(key, []).append(row)
+    out = np.full(len(results), -1, dtype=np.int64)
+    for key, rows in asked.items():
+        true_rows = known.get(key, [])
+        if not true_rows:
+            continue
+        pairs = assign(truth.cam_T_obj[true_rows, :3, 3], results.cam_T_obj[rows, :3, 3])
+        for t, r in zip(*pairs, strict=True):
+            out[rows[r]] = true_rows[t]
+    if len(results) and (out < 0).all():
+        raise MismatchError(
+            f"{results.source}: none of its {len(results)} estimates is of an instance that "
+            f"{truth.source} has; is it a CSV of another dataset or split?"
+        )
+    return out
+
+
+def measure(
+    results: Results,
+    dataset: BopDataset,
+    *,
+    only: Collection[str] = tuple(MEASURES),
+    progress: Callable[[float], None] | None = None,
+) -> pl.DataFrame:
+    """The errors of every estimate that has a ground truth, a row each.
+
+    Args:
+        results: Estimates.
+        dataset: Ground truth, models and cameras.
+        only: The measures that are wanted.
+        progress: Called with the share of the objects that are done.
+
+    Returns:
+        ``scene_id, im_id, obj_id, inst_id`` and a column for each measure.
+
+    Raises:
+        UnknownNameError: for an object that the dataset's models lack.
+        MismatchError: if no estimate has a ground truth.
+    """
+    truth = dataset.ground_truth
+    matched = match(results, truth)
+    inst_id = instance_numbers(results)
+    parts = []
+    present = np.unique(results.obj_id).tolist()
+    for i, obj_id in enumerate(present):
+        if progress is not None:
+            progress(i / len(present))
+        dataset.models[obj_id]
+        rows = np.flatnonzero((results.obj_id == obj_id) & (matched >= 0))
+        if not len(rows):
+            continue
+        keys = {
+            "scene_id": results.scene_id[rows],
+            "im_id": results.im_id[rows],
+            "obj_id": results.obj_id[rows],
+            "inst_id": inst_id[rows],
+        }
+        pair = (results.cam_T_obj[rows], truth.cam_T_obj[matched[rows]])
+        images = zip(keys["scene_id"].tolist(), keys["im_id"].tolist(), strict=True)
+        K = np.stack([dataset.camera_of(*image).K for image in images])
+        compute = _measures(*pair, dataset.models, obj_id, K)
+        parts.append(pl.DataFrame(keys | {name: compute[name]() for name in only}))
+    return pl.concat(parts)
+
+
+def _measures(
+    est: ndarray, true: ndarray, models: Models, obj_id: int, K: ndarray
+) -> dict[str, Callable[[], ndarray]]:
+    """How to compute each measure of one object's estimates."""
+    symmetries = models[obj_id].symmetries
+
+    def points() -> ndarray:
+        return models.mesh(obj_id).vertices
+
+    return {
+        "rotation_deg": lambda: np.degrees(pose_error.rotation_error(est, true, symmetries)),
+        "translation_mm": lambda: 1000 * pose_error.translation_error(est, true),
+        "ray_share": lambda: pose_error.ray_share(est, true),
+        "add_mm": lambda: 1000 * pose_error.add(est, true, points()),
+        "add_s_mm": lambda: 1000 * pose_error.add_s(est, true, points()),
+        "mssd_mm": lambda: 1000 * pose_error.mssd(est, true, points(), symmetries),
+        "mspd_px": lambda: pose_error.mspd(est, true, points(), symmetries, K),
+    }
+
+
+def summarise(errors: pl.DataFrame) -> pl.DataFrame:
+    """Number, mean and median of each measure for each object, and over objects alike.
+
+    The last row (``obj_id`` null) is the mean over objects of the rows above it.
+    """
+    measures = [name for name in MEASURES if name in errors.columns]
+    by_object = (
+        errors.group_by("obj_id")
+        .agg(
+            pl.len().alias("n"),
+            *(pl.col(m).fill_nan(None).mean().alias(f"{m}_mean") for m in measures),
+            *(pl.col(m).fill_nan(None).median().alias(f"{m}_median") for m in measures),
+        )
+        .sort("obj_id")
+    )
+    overall = by_object.select(
+        pl.lit(None, pl.Int64).alias("obj_id"),
+        pl.col("n").sum(),
+        pl.exclude("obj_id", "n").mean(),
+    )
+    return pl.concat([by_object, overall])

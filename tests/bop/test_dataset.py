@@ -1,0 +1,255 @@
+"""Ground truth, cameras, targets and models of a BOP directory."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from graspcast.bop.dataset import BopDataset, Target, read_ground_truth, read_targets
+from graspcast.bop.meshes import read_mesh
+from graspcast.bop.models import Models, read_models_info
+from graspcast.errors import FormatError, GraspcastError, InputError, UnknownNameError
+from poses import write_models
+
+EYE = [1, 0, 0, 0, 1, 0, 0, 0, 1]
+
+
+def entry(obj_id: int = 1, **changes: Any) -> dict[str, Any]:
+    return {"cam_R_m2c": EYE, "cam_t_m2c": [0, 0, 900], "obj_id": obj_id} | changes
+
+
+def write_scene(root: Path, images: Any, info: Any = None, scene: int = 1) -> Path:
+    folder = root / "test" / f"{scene:06d}"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "scene_gt.json").write_text(json.dumps(images))
+    if info is not None:
+        (folder / "scene_gt_info.json").write_text(json.dumps(info))
+    return folder.parent
+
+
+def test_ground_truth_of_several_scenes_and_instances(tmp_path: Path) -> None:
+    write_scene(tmp_path, {"7": [entry(1), entry(2), entry(1)]}, scene=2)
+    write_scene(tmp_path, {"4": [entry(5)]}, {"4": [{"visib_fract": 0.25}]}, scene=1)
+    gt = BopDataset(tmp_path).ground_truth
+    assert gt.scene_id.tolist() == [1, 2, 2, 2]
+    assert gt.obj_id.tolist() == [5, 1, 2, 1]
+    assert gt.inst_id.tolist() == [0, 0, 0, 1]
+    assert gt.visib_fract[0] == 0.25
+    assert np.isnan(gt.visib_fract[1:]).all()
+    assert gt.cam_T_obj[0, 2, 3] == 0.9
+
+
+def test_slightly_bad_true_rotations_are_projected(tmp_path: Path) -> None:
+    scenes = write_scene(tmp_path, {"0": [entry(cam_R_m2c=[*EYE[:8], 1.008])]})
+    assert_array_equal(read_ground_truth(scenes).cam_T_obj[0, :3, :3], np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("images", "says"),
+    [
+        ({"0": [entry(cam_R_m2c=[*EYE[:8], 1.1])]}, "image 0, object 1: cam_R_m2c is 0.1 away"),
+        ({"0": [entry(cam_t_m2c=[0, 0])]}, "image 0, instance 0: should be 3 finite numbers"),
+        ({"0": [{"obj_id": 1}]}, "no 'cam_R_m2c'; found obj_id"),
+        ({"x": [entry()]}, "'x' is not a whole number"),
+        ({"0": entry()}, "image 0: should be a list of instances"),
+        ({"0": [3]}, "image 0, instance 0: should be an object"),
+        ({"0": [entry(obj_id=1.5)]}, "1.5 is not a whole number"),
+        ([], "should hold an object at its top level"),
+    ],
+)
+def test_wrong_ground_truth_is_named(tmp_path: Path, images: Any, says: str) -> None:
+    scenes = write_scene(tmp_path, images)
+    with pytest.raises(FormatError) as caught:
+        read_ground_truth(scenes)
+    assert says in str(caught.value)
+    assert "scene_gt.json" in str(caught.value)
+
+
+def test_visibility_must_match_the_instances(tmp_path: Path) -> None:
+    scenes = write_scene(tmp_path, {"0": [entry()]}, {"0": []})
+    with pytest.raises(FormatError, match="should list 1 instances"):
+        read_ground_truth(scenes)
+
+
+def test_directories_without_scenes_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such directory"):
+        BopDataset(tmp_path / "none")
+    with pytest.raises(InputError, match=r"no scene folder here has a scene_gt\.json"):
+        read_ground_truth(tmp_path)
+    with pytest.raises(InputError, match=r"models_info\.json here"):
+        BopDataset(tmp_path).models  # noqa: B018
+
+
+def test_cameras(tmp_path: Path) -> None:
+    (tmp_path / "camera.json").write_text(
+        json.dumps({"fx": 500, "fy": 510, "cx": 320, "cy": 240, "depth_scale": 0.1})
+    )
+    folder = write_scene(tmp_path, {"3": [entry()]}) / "000001"
+    dataset = BopDataset(tmp_path)
+    assert_array_equal(dataset.camera.K, [[500, 0, 320], [0, 510, 240], [0, 0, 1]])
+    assert dataset.camera.depth_scale_m == 0.0001
+    assert dataset.camera_of(1, 3) is dataset.camera
+    (folder / "scene_camera.json").write_text(
+        json.dumps({"3": {"cam_K": [1, 0, 2, 0, 3, 4, 0, 0, 1]}})
+    )
+    assert_array_equal(BopDataset(tmp_path).camera_of(1, 3).K, [[1, 0, 2], [0, 3, 4], [0, 0, 1]])
+    assert BopDataset(tmp_path).camera_of(1, 99).K[0, 0] == 500
+
+
+def test_targets_of_both_formats(tmp_path: Path) -> None:
+    path = tmp_path / "targets.json"
+    path.write_text(
+        json.dumps(
+            [{"scene_id": 1, "im_id": 2, "obj_id": 3, "inst_count": 4}, {"scene_id": 5, "im_id": 6}]
+        )
+    )
+    assert read_targets(path) == [Target(1, 2, 3, 4), Target(5, 6)]
+    path.write_text(json.dumps([{"scene_id": 1}]))
+    with pytest.raises(FormatError, match="entry 0: no 'im_id'; found scene_id"):
+        read_targets(path)
+
+
+def test_models_and_symmetries(tmp_path: Path) -> None:
+    half_turn = [-1, 0, 0, 10, 0, -1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    axis = {"axis": [0, 0, 2], "offset": [5, 0, 0]}
+    models = Models(
+        write_models(
+            tmp_path,
+            obj_1={},
+            obj_2={"symmetries_discrete": [half_turn]},
+            obj_3={"symmetries_continuous": [axis], "symmetries_discrete": [half_turn]},
+        )
+    )
+    assert not models[1].symmetric
+    assert_array_equal(models[1].symmetries, np.eye(4)[None])
+    assert models[2].symmetries.shape == (2, 4, 4)
+    assert models[2].symmetries[1, 0, 3] == 0.01
+    assert_allclose(models[1].size, [0.04, 0.06, 0.1])
+    everything = models[3].symmetries
+    assert len(everything) == 2 * 315
+    assert_array_equal(everything[0], np.eye(4))
+    # Every turn about the axis keeps the points of the axis where they are.
+    turns = everything[: len(everything) // 2]
+    assert_allclose(turns @ [0.005, 0, 0.3, 1], np.tile([0.005, 0, 0.3, 1], (315, 1)), atol=1e-12)
+    with pytest.raises(UnknownNameError, match="unknown object '9'; known: 1, 2, 3"):
+        models[9]
+
+
+@pytest.mark.parametrize(
+    ("info", "says"),
+    [
+        ({"1": {}}, "object 1: no 'diameter'"),
+        ({}, "lists no object"),
+        ({"one": {}}, "'one' is not a whole number"),
+        ({"1": {"diameter": -1}}, "diameter should be positive"),
+        ({"1": {"diameter": "x"}}, "object 1, diameter: should be 1 finite number"),
+    ],
+)
+def test_wrong_models_info_is_named(tmp_path: Path, info: Any, says: str) -> None:
+    path = tmp_path / "models_info.json"
+    path.write_text(json.dumps(info))
+    with pytest.raises(FormatError) as caught:
+        read_models_info(path)
+    assert says in str(caught.value)
+
+
+def test_symmetries_must_be_rotations(tmp_path: Path) -> None:
+    write_models(tmp_path, obj_1={"symmetries_discrete": [[2.0] * 16]})
+    with pytest.raises(
+        FormatError, match="symmetries_discrete: holds a matrix that is not a rotation"
+    ):
+        Models(tmp_path)
+    write_models(
+        tmp_path, obj_1={"symmetries_continuous": [{"axis": [0, 0, 0], "offset": [0, 0, 0]}]}
+    )
+    with pytest.raises(FormatError, match="the axis has no length"):
+        Models(tmp_path)
+
+
+def binary_ply(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+    header = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    body = vertices.astype("<f4").tobytes()
+    body += b"".join(b"\x03" + row.astype("<i4").tobytes() for row in faces)
+    path.write_bytes(header.encode() + body)
+
+
+def test_ascii_and_binary_meshes_are_the_same(tmp_path: Path) -> None:
+    ascii_mesh = read_mesh(write_models(tmp_path) / "obj_000001.ply")
+    assert_allclose(np.ptp(ascii_mesh.vertices, axis=0), [0.04, 0.06, 0.1])
+    binary_ply(tmp_path / "b.ply", ascii_mesh.vertices * 1000, ascii_mesh.faces)
+    binary_mesh = read_mesh(tmp_path / "b.ply")
+    assert_allclose(binary_mesh.vertices, ascii_mesh.vertices, atol=1e-9)
+    assert_array_equal(binary_mesh.faces, ascii_mesh.faces)
+
+
+@pytest.mark.parametrize("content", [b"", b"ply\n", b"solid stl\n", b"\x00" * 50])
+def test_what_is_no_mesh_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "m.ply"
+    path.write_bytes(content)
+    with pytest.raises(FormatError, match=r"m\.ply"):
+        read_mesh(path)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(
+            st.sampled_from(
+                ["0", "1", "obj_id", "cam_R_m2c", "cam_t_m2c", "diameter", "scene_id", "im_id"]
+            ),
+            inner,
+            max_size=4,
+        )
+    ),
+    max_leaves=12,
+)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=100)
+@given(JSON, st.binary(max_size=60), st.booleans())
+def test_any_json_is_read_or_refused(tmp_path: Path, value: Any, raw: bytes, broken: bool) -> None:
+    scenes = write_scene(tmp_path, {})
+    path = scenes / "000001" / "scene_gt.json"
+    path.write_bytes(raw if broken else json.dumps(value).encode())
+    for read in (
+        lambda: read_ground_truth(scenes),
+        lambda: read_models_info(path),
+        lambda: read_targets(path),
+    ):
+        try:
+            read()
+        except GraspcastError as error:
+            assert "scene_gt.json" in str(error)
+
+
+def test_the_official_ground_truth_is_read(data_dir: Path) -> None:
+    gt = BopDataset(data_dir / "bop" / "lmo").ground_truth
+    assert len(gt) == 1517
+    rotation = gt.cam_T_obj[:, :3, :3]
+    assert_allclose(
+        rotation @ np.swapaxes(rotation, 1, 2),
+        np.broadcast_to(np.eye(3), rotation.shape),
+        atol=2e-5,
+    )
+    assert (gt.visib_fract >= 0).all()
+
+
+def test_published_meshes_have_the_published_extents(data_dir: Path) -> None:
+    for name in ("lmo", "ycbv"):
+        models = Models(data_dir / "bop" / name / "models")
+        for obj_id, info in models.info.items():
+            vertices = models.mesh(obj_id).vertices
+            assert_allclose(vertices.min(axis=0), info.lower, atol=3e-4)
+            assert_allclose(np.ptp(vertices, axis=0), info.size, atol=3e-4)

@@ -1,0 +1,172 @@
+"""BOP results CSV: round trips, and every way in which a file can be wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.testing import assert_array_equal
+
+from graspcast.bop.results import COLUMNS, dataset_of, read_results, write_results
+from graspcast.bop.units import metres, millimetres
+from graspcast.errors import FormatError, GraspcastError
+from poses import ROW, nudged, random_poses, results_of, write_csv
+
+
+def test_poses_come_back_without_any_error(tmp_path: Path) -> None:
+    path = tmp_path / "ours_lmo-test.csv"
+    rotation = random_poses(200)
+    # Translations as a file in millimetres would give them, of all magnitudes.
+    rotation[:, :3, 3] = metres(np.random.default_rng(0).normal(scale=3000, size=(200, 3)))
+    write_results(path, results_of(rotation))
+    back = read_results(path)
+    assert_array_equal(back.cam_T_obj, rotation)
+    assert_array_equal(back.im_id, np.arange(200))
+    assert (back.time_s == -1).all()
+    assert back.dropped == {}
+
+
+@given(arrays(np.float64, 20, elements=st.floats(-2e4, 2e4, allow_subnormal=False)))
+def test_metres_written_as_millimetres_are_the_same_metres(length_mm: np.ndarray) -> None:
+    length_m = metres(length_mm)
+    assert_array_equal(metres(millimetres(length_m)), length_m)
+
+
+def test_the_file_name_states_the_dataset() -> None:
+    assert dataset_of("a/epos_lmo-test.csv") == "lmo"
+    assert dataset_of("gdrnpp-pbr_v2_ycbv-test_primesense.csv") == "ycbv"
+    assert dataset_of("results.csv") is None
+
+
+def bad(old: str, new: str) -> str:
+    assert old in ROW
+    return ROW.replace(old, new)
+
+
+@pytest.mark.parametrize(
+    ("row", "says"),
+    [
+        (bad("1,2,3", "1,x,3"), "im_id is 'x', but should be a whole number"),
+        (bad("1,2,3", "1,2,-3"), "obj_id is '-3'"),
+        (bad("1,2,3", "1,2,3.0"), "obj_id is '3.0'"),
+        (bad("0.5", "nan"), "score is 'nan', but should be a finite number"),
+        (bad("10 20 900", "10 20"), "t is '10 20', but should be three"),
+        (bad("10 20 900", "10 20 inf"), "should be three finite numbers in millimetres"),
+        (bad("1 0 0 0 1 0 0 0 1", "1 0 0 0 1 0 0 1"), "R is '1 0 0 0 1 0 0 1'"),
+        (bad("1 0 0 0 1 0 0 0 1", "1 0 0 0 1 0 0 0 1.1"), "R is 0.1 away from the nearest"),
+        (bad("1 0 0 0 1 0 0 0 1", "1 0 0 0 1 0 0 0 -1"), "R is 2 away from the nearest"),
+        (bad(",-1", ",-2"), "time is '-2', but should be seconds, or -1"),
+        (bad(",-1", ",-1,7"), "has not the 7 fields of the header"),
+        (ROW, "repeats the instance and pose of line 2"),
+    ],
+)
+def test_a_bad_row_is_named_or_skipped(tmp_path: Path, row: str, says: str) -> None:
+    path = write_csv(tmp_path / "r.csv", ROW, row)
+    with pytest.raises(FormatError, match="line 3") as caught:
+        read_results(path)
+    assert says in str(caught.value)
+    assert str(path) in str(caught.value)
+    lenient = read_results(path, lenient=True)
+    assert len(lenient) == 1
+    assert lenient.dropped == {"bad row": 1}
+
+
+def test_a_slightly_bad_rotation_is_projected(tmp_path: Path) -> None:
+    row = bad("1 0 0 0 1 0 0 0 1", "1 0 0 0 1 0 0 0 1.01")
+    pose = read_results(write_csv(tmp_path / "r.csv", row)).cam_T_obj[0]
+    assert_array_equal(pose[:3, :3], np.eye(3))
+
+
+def test_a_misspelt_column_is_named(tmp_path: Path) -> None:
+    header = ",".join(COLUMNS).replace("obj_id", "object_id")
+    with pytest.raises(FormatError, match="no column 'obj_id'; found scene_id, im_id, object_id"):
+        read_results(write_csv(tmp_path / "r.csv", ROW, header=header))
+
+
+def test_metres_are_noticed(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "r.csv", bad("10 20 900", "0.01 0.02 0.9"))
+    with pytest.raises(FormatError, match=r"0\.9 mm; t seems to be in metres"):
+        read_results(path)
+
+
+def test_a_placeholder_is_dropped_and_counted(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "r.csv", ROW, bad("10 20 900", "0 0 0"))
+    results = read_results(path)
+    assert len(results) == 1
+    assert results.dropped == {"placeholder": 1}
+    assert len(read_results(path, placeholders=True)) == 2
+
+
+def test_missing_and_unreadable_files(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="No such file"):
+        read_results(tmp_path / "none.csv")
+    with pytest.raises(FormatError, match="directory"):
+        read_results(tmp_path)
+    (tmp_path / "image.csv").write_bytes(b"\x89PNG\r\n\xff\xfe")
+    with pytest.raises(FormatError, match="not UTF-8"):
+        read_results(tmp_path / "image.csv")
+
+
+def test_columns_may_come_in_any_order(tmp_path: Path) -> None:
+    path = write_csv(
+        tmp_path / "r.csv",
+        "7,1,-1,1 0 0 0 1 0 0 0 1,0 0 900,0.5,4",
+        header="obj_id,scene_id,time,R,t,score,im_id",
+    )
+    results = read_results(path)
+    assert (results.scene_id[0], results.im_id[0], results.obj_id[0]) == (1, 4, 7)
+
+
+def test_several_detections_of_one_object_are_kept(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    poses = random_poses(2)
+    first = results_of(poses)
+    write_results(path, type(first)(**{**first.__dict__, "im_id": np.zeros(2, np.int64)}))
+    assert len(read_results(path)) == 2
+
+
+FRAGMENT = st.sampled_from(
+    [
+        ROW,
+        ",".join(COLUMNS),
+        "\n",
+        ",",
+        '"',
+        "1 0 0 0 1 0 0 0 1",
+        "nan",
+        "\x00",
+        "9" * 400,
+        "é",
+        " ",
+    ]
+)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150)
+@given(st.one_of(st.binary(max_size=300), st.lists(FRAGMENT, max_size=12).map("".join)))
+def test_any_bytes_are_read_or_refused(tmp_path: Path, data: bytes | str) -> None:
+    path = tmp_path / "fuzz.csv"
+    head = ",".join(COLUMNS) + "\n"
+    path.write_bytes(data if isinstance(data, bytes) else (head + data).encode())
+    for lenient in (False, True):
+        try:
+            results = read_results(path, lenient=lenient)
+        except GraspcastError:
+            continue
+        assert np.isfinite(results.cam_T_obj).all()
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    write_results(path, results_of(random_poses(3)))
+    before = path.read_bytes()
+    broken = results_of(nudged(random_poses(3), 1))
+    object.__setattr__(broken, "score", np.array(["a", "b", "c"]))
+    with pytest.raises(ValueError):
+        write_results(path, broken)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]

@@ -1,0 +1,124 @@
+"""Group axioms, and agreement with SciPy's independent implementation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy import ndarray
+from numpy.testing import assert_allclose
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
+
+from graspcast import geometry as g
+from poses import random_poses
+
+SMALL = st.floats(-3, 3, allow_subnormal=False)
+VECTORS = arrays(np.float64, (4, 3), elements=SMALL)
+
+
+def rotations(n: int = 50) -> ndarray:
+    """Random ones, and those where formulas break: identity, tiny and half turns."""
+    special = [[0, 0, 0], [1e-9, 0, 0], [0, -1e-7, 1e-8], [np.pi, 0, 0], [0, np.pi, 0]]
+    special += [[0, 0, np.pi], [0, 0, np.pi - 1e-9], [2.2, -2.2, 0.1], [0, np.pi / 2, 0]]
+    vectors = np.concatenate([special, np.random.default_rng(0).normal(size=(n, 3))])
+    return Rotation.from_rotvec(vectors).as_matrix()
+
+
+def test_group_axioms() -> None:
+    a, b, c = random_poses(20, 1), random_poses(20, 2), random_poses(20, 3)
+    identity = np.broadcast_to(np.eye(4), a.shape)
+    assert_allclose(g.compose(g.compose(a, b), c), g.compose(a, g.compose(b, c)), atol=1e-12)
+    assert_allclose(g.compose(a, g.invert(a)), identity, atol=1e-12)
+    assert_allclose(g.compose(g.invert(a), a), identity, atol=1e-12)
+    assert_allclose(g.compose(a, identity), a, atol=0)
+    assert_allclose(g.invert(g.compose(a, b)), g.compose(g.invert(b), g.invert(a)), atol=1e-12)
+
+
+def test_points_move_as_homogeneous_coordinates() -> None:
+    a = random_poses(5)
+    points = np.random.default_rng(0).normal(size=(7, 3))
+    homogeneous = np.c_[points, np.ones(7)]
+    expected = np.einsum("nij,vj->nvi", a, homogeneous)[..., :3]
+    assert_allclose(g.transform_points(a, points), expected, atol=1e-12)
+
+
+def test_rotation_vector_and_angle_agree_with_scipy() -> None:
+    r = rotations()
+    oracle = Rotation.from_matrix(r)
+    assert_allclose(g.rotation_angle(r), oracle.magnitude(), atol=1e-9)
+    mine = g.rotation_vector(r)
+    assert_allclose(Rotation.from_rotvec(mine).as_matrix(), r, atol=1e-9)
+    assert_allclose(np.linalg.norm(mine, axis=-1), oracle.magnitude(), atol=1e-9)
+
+
+def test_quaternions_agree_with_scipy_up_to_sign() -> None:
+    r = rotations()
+    oracle = np.roll(Rotation.from_matrix(r).as_quat(), 1, axis=-1)
+    mine = g.quaternion(r)
+    assert (mine[:, 0] >= 0).all()
+    assert_allclose(np.abs(np.sum(mine * oracle, axis=-1)), 1, atol=1e-12)
+    assert_allclose(g.rotation_from_quaternion(mine * 3.0), r, atol=1e-12)
+
+
+@given(VECTORS)
+def test_exponential_of_rotation_vectors(vectors: ndarray) -> None:
+    expected = Rotation.from_rotvec(vectors).as_matrix()
+    assert_allclose(g.rotation_from_vector(vectors), expected, atol=1e-12)
+
+
+@given(arrays(np.float64, (3, 6), elements=st.floats(-1.5, 1.5, allow_subnormal=False)))
+def test_exp_is_the_matrix_exponential_and_log_undoes_it(twists: ndarray) -> None:
+    poses = g.exp(twists)
+    for twist, pose in zip(twists, poses, strict=True):
+        generator = np.zeros((4, 4))
+        x, y, z = twist[3:]
+        generator[:3, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
+        generator[:3, 3] = twist[:3]
+        assert_allclose(pose, expm(generator), atol=1e-9)
+    assert_allclose(g.log(poses), twists, atol=1e-7)
+
+
+def test_euler_angles_agree_with_scipy_and_rebuild_the_rotation_at_the_singularity() -> None:
+    r = Rotation.random(50, random_state=0)
+    oracle = r.as_euler("ZYX")[:, ::-1]
+    assert_allclose(g.euler_zyx(r.as_matrix()), oracle, atol=1e-10)
+    upright = Rotation.from_euler("ZYX", [[0.3, np.pi / 2, 0.1], [0.2, -np.pi / 2, -1]])
+    rebuilt = Rotation.from_euler("ZYX", g.euler_zyx(upright.as_matrix())[:, ::-1])
+    assert_allclose(rebuilt.as_matrix(), upright.as_matrix(), atol=1e-7)
+
+
+def test_projection_is_a_rotation_and_leaves_rotations_alone() -> None:
+    r = rotations()
+    assert_allclose(g.project_to_rotation(r), r, atol=1e-12)
+    noisy = r + np.random.default_rng(0).normal(scale=0.05, size=r.shape)
+    nearest = g.project_to_rotation(noisy)
+    assert_allclose(
+        nearest @ np.swapaxes(nearest, 1, 2), np.broadcast_to(np.eye(3), r.shape), atol=1e-12
+    )
+    assert_allclose(np.linalg.det(nearest), 1, atol=1e-12)
+    # No other rotation is nearer.
+    turned = nearest @ Rotation.from_rotvec([1e-3, -1e-3, 2e-3]).as_matrix()
+    assert (
+        np.linalg.norm(noisy - nearest, axis=(1, 2)) <= np.linalg.norm(noisy - turned, axis=(1, 2))
+    ).all()
+
+
+def test_a_mirror_is_projected_to_a_rotation() -> None:
+    mirror = np.diag([1.0, 1.0, -1.0])[None]
+    assert np.linalg.det(g.project_to_rotation(mirror))[0] == pytest.approx(1)
+
+
+def test_identity_is_told_from_almost_identity() -> None:
+    almost = np.eye(4)
+    almost[0, 3] = 1e-300
+    assert g.is_identity(np.stack([np.eye(4), almost])).tolist() == [True, False]
+
+
+def test_batches_may_have_any_leading_shape() -> None:
+    a = random_poses(6).reshape(2, 3, 4, 4)
+    assert g.invert(a).shape == (2, 3, 4, 4)
+    assert g.log(a).shape == (2, 3, 6)
+    assert g.rotation_angle(a[0, 0, :3, :3]).shape == ()
