@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
+import jaxtyping
 import pytest
+
+
+@pytest.fixture(autouse=True)
+def _run_time_types(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Under ``--jaxtyping-packages`` annotations hold, but where a test breaks them on purpose."""
+    on_purpose = request.node.get_closest_marker("ill_typed") is not None
+    jaxtyping.config.update("jaxtyping_disable", on_purpose)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
 
 
 @pytest.fixture(scope="session")
