@@ -8,6 +8,13 @@ from pathlib import Path
 
 import jaxtyping
 import pytest
+from hypothesis import settings
+
+from graspcast.published import Published
+
+# Imports and shared machines take their time; no test is about how long it takes.
+settings.register_profile("graspcast", deadline=None)
+settings.load_profile("graspcast")
 
 
 @pytest.fixture(autouse=True)
@@ -35,3 +42,9 @@ def data_dir() -> Path:
 @pytest.fixture(scope="session")
 def published(data_dir: Path) -> Path:
     return data_dir / "published"
+
+
+@pytest.fixture(scope="session")
+def data(data_dir: Path) -> Published:
+    """The published data, read once a session."""
+    return Published(data_dir)
