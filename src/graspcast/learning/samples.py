@@ -177,10 +177,10 @@ def by_scene(samples: Samples, *, folds: int = 5, seed: int = 0) -> Iterator[Fol
     splitter = StratifiedGroupKFold(n_splits=folds, shuffle=True, random_state=seed)
     # Objects too should be spread evenly, so they are part of what is stratified.
     names = [f"{o}:{s}" for o, s in zip(samples.objects, samples.success, strict=True)]
-    _, strata, count = np.unique(names, return_inverse=True, return_counts=True)
+    _, strata, sizes = np.unique(names, return_inverse=True, return_counts=True)
     # What is rarer than the folds cannot be spread over them, and scikit-learn would not have it.
-    rare = count[strata] < folds
-    strata[rare] = -1 if rare.sum() >= folds else np.argmax(count)
+    rare = sizes[strata] < folds
+    strata[rare] = -1 if rare.sum() >= folds else np.argmax(sizes)
     yield from splitter.split(np.zeros(len(samples)), strata, groups)
 
 
