@@ -191,10 +191,11 @@ def test_the_table_is_that_of_the_released_metrics(data: Published) -> None:
     rows = [row for row in rows if len(row) > 3]
     dataset = data.bop["lmo"]
     results = read_results(data.results_path("zebrapose", "lmo"))
-    symmetric = [obj_id for obj_id, info in dataset.models.info.items() if info.symmetric]
+    symmetric = {obj_id for obj_id, info in dataset.models.info.items() if info.symmetric}
+    assert symmetric == {10, 11}  # of which one will do: ADD-S takes its time
     parts = (
-        (~np.isin(results.obj_id, symmetric), ("translation_mm", "mssd_mm", "add_mm")),
-        (np.isin(results.obj_id, symmetric), ("translation_mm", "add_s_mm")),
+        (~np.isin(results.obj_id, [10, 11]), ("translation_mm", "mssd_mm", "add_mm")),
+        (results.obj_id == 11, ("translation_mm", "add_s_mm")),
     )
     compared = []
     # Released: ADD-S of symmetric objects, ADD of others; MSSD, but without symmetries.
@@ -208,4 +209,4 @@ def test_the_table_is_that_of_the_released_metrics(data: Published) -> None:
                 assert_allclose(row[f"{name}_mean"], np.mean(released), rtol=1e-4)
                 assert_allclose(row[f"{name}_median"], np.median(released), rtol=1e-4)
             compared.append(row["obj_id"])
-    assert sorted(compared) == [1, 5, 6, 8, 9, 10, 11, 12]
+    assert sorted(compared) == [1, 5, 6, 8, 9, 11, 12]

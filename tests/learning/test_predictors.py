@@ -123,6 +123,7 @@ def test_few_samples_are_learned_from_without_validation() -> None:
     assert np.isfinite(fitted.probability(features, kind)).all()
 
 
+@pytest.mark.ill_typed
 def test_arrays_that_do_not_fit_are_refused() -> None:
     features, success, kind = problem()
     fitted = NetworkEnsemble.fit(features, success, kind, SHORT)
@@ -130,6 +131,8 @@ def test_arrays_that_do_not_fit_are_refused() -> None:
         NetworkEnsemble.from_arrays(fitted.to_arrays() | {"objects": np.array(4)})
     with pytest.raises(InputError, match="do not take 6 inputs"):
         NetworkEnsemble.from_arrays(fitted.to_arrays() | {"shift": np.zeros(3)})
+    with pytest.raises(InputError, match=r"but .* scales"):
+        NetworkEnsemble.from_arrays(fitted.to_arrays() | {"scale": np.ones(3)})
     lost = {k: v for k, v in fitted.to_arrays().items() if not k.startswith("0/1/weight")}
     with pytest.raises(InputError, match="do not fit together"):
         NetworkEnsemble.from_arrays(lost)
