@@ -50,6 +50,14 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
     if "inst_id" not in frame.columns:
         frame = frame.with_columns(inst_id=pl.lit(0, pl.Int64))
     kinds = {**_COLUMNS, "inst_id": pl.Int64}
+    for name, kind in kinds.items():
+        column = frame[name]
+        # A cast would cut the fraction off.
+        if kind == pl.Int64 and column.dtype.is_float() and (cut := column % 1 != 0).any():
+            row = cut.arg_true()[0]
+            raise FormatError(
+                path, f"{name} is {column[row]}, not a whole number", where=f"row {row + 1}"
+            )
     try:
         frame = frame.select(pl.col(name).cast(kinds[name]) for name in (*KEYS, "success"))
     except pl.exceptions.PolarsError as error:
