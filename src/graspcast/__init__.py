@@ -1,1 +1,65 @@
-"""How likely is the grasp that a pose estimate would guide to succeed?"""
+"""How likely is the grasp that a pose estimate would guide to succeed?
+
+Several RGB pose estimators look at the same object. One, the principal, would guide the grasp; from
+how the others disagree with it graspcast forecasts the grasp's success, and says whether to attempt
+it. Everything public is named here, and loaded when it is first asked for.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from graspcast._version import __version__
+
+if TYPE_CHECKING:
+    from graspcast.bop.dataset import BopDataset, GroundTruth
+    from graspcast.bop.models import Models
+    from graspcast.bop.release import import_release
+    from graspcast.bop.results import Results, read_results, write_results
+    from graspcast.consensus import Features, consensus_features, describe, mean_add
+    from graspcast.errors import GraspcastError
+    from graspcast.estimates import Estimates, align, concatenate
+    from graspcast.learning.forecaster import Forecaster, cross_validate, train_forecaster
+    from graspcast.learning.predictors import NetworkSettings
+    from graspcast.learning.samples import Samples, join
+    from graspcast.learning.scores import Scores, score
+    from graspcast.outcomes import read_outcomes
+    from graspcast.published import Published
+    from graspcast.report.paper import reproduce
+    from graspcast.truth import match, measure, summarise
+    from graspcast.verdict import Verdict, decide, verdict_rows, write_verdicts
+
+_HOME = {
+    "bop.dataset": ("BopDataset", "GroundTruth"),
+    "bop.models": ("Models",),
+    "bop.release": ("import_release",),
+    "bop.results": ("Results", "read_results", "write_results"),
+    "consensus": ("Features", "consensus_features", "describe", "mean_add"),
+    "errors": ("GraspcastError",),
+    "estimates": ("Estimates", "align", "concatenate"),
+    "learning.forecaster": ("Forecaster", "cross_validate", "train_forecaster"),
+    "learning.predictors": ("NetworkSettings",),
+    "learning.samples": ("Samples", "join"),
+    "learning.scores": ("Scores", "score"),
+    "outcomes": ("read_outcomes",),
+    "published": ("Published",),
+    "report.paper": ("reproduce",),
+    "truth": ("match", "measure", "summarise"),
+    "verdict": ("Verdict", "decide", "verdict_rows", "write_verdicts"),
+}
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+__all__ = [*_MODULE_OF, "__version__"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'graspcast' has no attribute {name!r}")
+    value = getattr(import_module(f"graspcast.{_MODULE_OF[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -27,8 +27,12 @@ __all__ = [
 ]
 
 
+_FAST = {"reassoc", "contract", "nsz"}
+_WORTH_THREADS = 200_000
+"""Points; below, waking the threads takes longer than the work."""
+
+
 @no_type_check
-@njit(parallel=True, cache=True, fastmath={"reassoc", "contract", "nsz"})
 def _distances(difference, points):
     """Mean and largest length of ``D v + d`` over points, for rows [D | d] of each difference."""
     n, count = difference.shape[0], points.shape[1]
@@ -49,8 +53,21 @@ def _distances(difference, points):
     return mean, largest
 
 
+_distances_serial = njit(cache=True, fastmath=_FAST)(_distances)
+_distances_parallel = njit(parallel=True, cache=True, fastmath=_FAST)(_distances)
+
+
+def _mean_and_largest(
+    difference: Float[ndarray, "n 3 4"], points: Float[ndarray, "v 3"]
+) -> tuple[Float[ndarray, "n"], Float[ndarray, "n"]]:
+    threads = difference.shape[0] * len(points) > _WORTH_THREADS
+    compiled = _distances_parallel if threads else _distances_serial
+    mean, largest = compiled(np.ascontiguousarray(difference), np.ascontiguousarray(points.T))
+    return mean, largest
+
+
 @no_type_check
-@njit(parallel=True, cache=True, fastmath={"reassoc", "contract", "nsz"})
+@njit(parallel=True, cache=True, fastmath=_FAST)
 def _largest_pixel_distance(first, second, points):
     """Largest distance of projections by 3x4 matrices ``first[i]`` and ``second[i, s]``."""
     n, symmetries, count = second.shape[0], second.shape[1], points.shape[1]
@@ -116,9 +133,7 @@ def add(
     points: Float[ndarray, "v 3"],
 ) -> Float[ndarray, "n"]:
     """Average distance, in metres, of the model's points under the one pose and the other."""
-    difference = np.ascontiguousarray((cam_T_a - cam_T_b)[:, :3])
-    mean: ndarray = _distances(difference, np.ascontiguousarray(points.T))[0]
-    return mean
+    return _mean_and_largest((cam_T_a - cam_T_b)[:, :3], points)[0]
 
 
 def add_s(
@@ -145,9 +160,7 @@ def mssd(
 ) -> Float[ndarray, "n"]:
     """Maximum symmetry-aware surface distance, in metres."""
     difference = (cam_T_est[:, None] - cam_T_gt[:, None] @ symmetries)[..., :3, :]
-    _, largest = _distances(
-        np.ascontiguousarray(difference.reshape(-1, 3, 4)), np.ascontiguousarray(points.T)
-    )
+    _, largest = _mean_and_largest(difference.reshape(-1, 3, 4), points)
     return largest.reshape(len(cam_T_est), len(symmetries)).min(axis=1)
 
 

@@ -62,7 +62,11 @@ def match(results: Results, truth: GroundTruth) -> Int[ndarray, "n"]:
 
 
 def measure(
-    results: Results, dataset: BopDataset, *, only: Collection[str] = tuple(MEASURES)
+    results: Results,
+    dataset: BopDataset,
+    *,
+    only: Collection[str] = tuple(MEASURES),
+    progress: Callable[[float], None] | None = None,
 ) -> pl.DataFrame:
     """The errors of every estimate that has a ground truth, a row each.
 
@@ -70,6 +74,7 @@ def measure(
         results: Estimates.
         dataset: Ground truth, models and cameras.
         only: The measures that are wanted.
+        progress: Called with the share of the objects that are done.
 
     Returns:
         ``scene_id, im_id, obj_id, inst_id`` and a column for each measure.
@@ -82,7 +87,10 @@ def measure(
     matched = match(results, truth)
     inst_id = instance_numbers(results)
     parts = []
-    for obj_id in np.unique(results.obj_id).tolist():
+    present = np.unique(results.obj_id).tolist()
+    for i, obj_id in enumerate(present):
+        if progress is not None:
+            progress(i / len(present))
         dataset.models[obj_id]
         rows = np.flatnonzero((results.obj_id == obj_id) & (matched >= 0))
         if not len(rows):

@@ -6,12 +6,17 @@ import csv
 import io
 from collections.abc import Iterable
 from dataclasses import dataclass
+from operator import itemgetter
 from os import PathLike
 
+from jaxtyping import Float
+from numpy import ndarray
+
 from graspcast.errors import InputError
+from graspcast.estimates import Estimates
 from graspcast.files import write_text
 
-__all__ = ["Verdict", "VerdictRow", "check_threshold", "decide", "write_verdicts"]
+__all__ = ["Verdict", "VerdictRow", "check_threshold", "decide", "verdict_rows", "write_verdicts"]
 
 COLUMNS = ("scene_id", "im_id", "obj_id", "gripper", "probability", "verdict", "reason")
 
@@ -61,6 +66,28 @@ def decide(probability: float, threshold: float) -> Verdict:
     attempt = probability >= threshold
     sign = ">=" if attempt else "<"
     return Verdict(attempt, probability, f"probability {probability:.3f} {sign} {threshold:g}")
+
+
+def verdict_rows(
+    estimates: Estimates, probability: Float[ndarray, "n"], gripper: str, threshold: float
+) -> list[VerdictRow]:
+    """Verdicts on all of the anchor's instances, in the order of their numbers.
+
+    Args:
+        estimates: Instances with a pose by every estimator, and those that some lack.
+        probability: Of success, for each instance.
+        gripper: The gripper's name.
+        threshold: Attempt at this probability or above it.
+    """
+    check_threshold(threshold)
+    columns = (estimates.scene_id, estimates.im_id, estimates.obj_id, estimates.inst_id)
+    keys = zip(*(column.tolist() for column in columns), strict=True)
+    rows = [(k, decide(p, threshold)) for k, p in zip(keys, probability.tolist(), strict=True)]
+    for gap in estimates.partial:
+        verdict = Verdict(False, None, f"no estimate by {', '.join(gap.lacking)}")
+        rows.append(((gap.scene_id, gap.im_id, gap.obj_id, gap.inst_id), verdict))
+    rows.sort(key=itemgetter(0))
+    return [VerdictRow(s, i, o, gripper, verdict) for (s, i, o, _), verdict in rows]
 
 
 def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> None:

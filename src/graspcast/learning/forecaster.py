@@ -62,6 +62,10 @@ class Card:
     versions: dict[str, str]
     scores: dict[str, dict[str, Any]] = field(default_factory=dict)
 
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return asdict(self)
+
 
 @dataclass(frozen=True, eq=False)
 class Forecaster:
@@ -160,7 +164,7 @@ class Forecaster:
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write it as one file: arrays and JSON in an npz, no pickle."""
-        content = {"format": _FORMAT, "card": asdict(self.card)}
+        content = {"format": _FORMAT, "card": self.card.as_dict()}
         with atomic_write(path) as temporary, temporary.open("wb") as stream:
             np.savez_compressed(
                 stream, card=np.array(json.dumps(content)), **_prefixed(self.predictor.to_arrays())

@@ -1,0 +1,7 @@
+"""``python -m graspcast``."""
+
+import sys
+
+from graspcast.cli import main
+
+sys.exit(main())

@@ -1,0 +1,42 @@
+"""The command line: one verb a job, each a few lines over the library."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from graspcast._version import __version__
+from graspcast.cli import campaign, data, learn
+from graspcast.errors import GraspcastError
+
+__all__ = ["main", "parser"]
+
+_DESCRIPTION = """\
+Several RGB pose estimators look at the same object; graspcast says how likely the grasp that one
+of them would guide is to succeed, and whether to attempt it.
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The parser of the whole command line."""
+    top = argparse.ArgumentParser(prog="graspcast", description=_DESCRIPTION)
+    top.add_argument("--version", action="version", version=f"graspcast {__version__}")
+    verbs = top.add_subparsers(title="verbs", dest="verb", metavar="VERB", required=True)
+    for module in (data, learn, campaign):
+        module.add_verbs(verbs)
+    return top
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command line; the exit code (0 done, 2 the user's mistake, 130 interrupted)."""
+    options = parser().parse_args(arguments)
+    try:
+        options.run(options)
+    except GraspcastError as error:
+        print(f"graspcast {options.verb}: {error}", file=sys.stderr)  # noqa: T201
+        return 2
+    except KeyboardInterrupt:
+        print(f"graspcast {options.verb}: interrupted", file=sys.stderr)  # noqa: T201
+        return 130
+    return 0

@@ -1,0 +1,139 @@
+"""Options that several verbs share, spelt the same everywhere."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from graspcast.errors import InputError
+
+if TYPE_CHECKING:
+    from graspcast.inputs import Inputs
+
+__all__ = [
+    "Verbs",
+    "add_inputs",
+    "add_json",
+    "add_out",
+    "add_verb",
+    "inputs_of",
+    "share",
+    "write_json",
+]
+
+Verbs = Any  # argparse's sub-parsers action has no public name
+
+
+def add_verb(
+    verbs: Verbs,
+    name: str,
+    run: Callable[[argparse.Namespace], None],
+    help_text: str,
+    description: str,
+) -> argparse.ArgumentParser:
+    """Add a verb; ``description`` may have several paragraphs."""
+    verb: argparse.ArgumentParser = verbs.add_parser(
+        name,
+        help=help_text,
+        description=description,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    verb.set_defaults(run=run)
+    return verb
+
+
+def _named(text: str) -> tuple[str, Path]:
+    name, equals, path = text.partition("=")
+    if not (name and equals and path):
+        raise argparse.ArgumentTypeError(f"NAME=FILE is needed, not {text!r}")
+    return name, Path(path)
+
+
+def _maybe_named(text: str) -> tuple[str | None, Path]:
+    return _named(text) if "=" in text else (None, Path(text))
+
+
+def add_inputs(verb: argparse.ArgumentParser, *, bop_required: bool = False) -> None:
+    """``--estimates``, ``--bop``, ``--ground-truth``, ``--objects``, ``--lenient``."""
+    verb.add_argument(
+        "--estimates",
+        metavar="NAME=FILE",
+        type=_named,
+        action="append",
+        required=True,
+        help="an estimator's BOP results CSV; once for each estimator (and dataset)",
+    )
+    verb.add_argument(
+        "--bop",
+        metavar="DIR",
+        type=_maybe_named,
+        action="append",
+        default=[],
+        required=bop_required,
+        help="BOP dataset directory with models; NAME=DIR if the directory is called otherwise",
+    )
+    verb.add_argument(
+        "--ground-truth",
+        metavar="DIR",
+        type=Path,
+        action="append",
+        default=[],
+        help="scene folders with scene_gt.json, if not in test/ of the BOP directory",
+    )
+    verb.add_argument(
+        "--objects", metavar="ID", nargs="+", default=[], help="only these (5, or lmo-5)"
+    )
+    verb.add_argument(
+        "--lenient", action="store_true", help="skip bad rows and unknown objects, and count them"
+    )
+
+
+def inputs_of(options: argparse.Namespace) -> Inputs:
+    """What :func:`add_inputs`'s options name."""
+    from graspcast.inputs import load_inputs
+
+    return load_inputs(
+        options.estimates,
+        bop=options.bop,
+        ground_truth=options.ground_truth,
+        objects=options.objects,
+        lenient=options.lenient,
+    )
+
+
+def share(text: str) -> float:
+    """A number between 0 and 1."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1.0:
+        raise argparse.ArgumentTypeError(f"a number between 0 and 1 is needed, not {text!r}")
+    return value
+
+
+def add_out(verb: argparse.ArgumentParser, what: str) -> None:
+    """``--out PATH``, required."""
+    verb.add_argument("--out", metavar="PATH", type=Path, required=True, help=what)
+
+
+def add_json(verb: argparse.ArgumentParser) -> None:
+    """``--json FILE``."""
+    verb.add_argument("--json", metavar="FILE", type=Path, help="write the figures as JSON too")
+
+
+def write_json(path: Path | None, content: Any) -> None:
+    """Write figures where ``--json`` said, if it did."""
+    if path is None:
+        return
+    import json
+
+    from graspcast.files import write_text
+
+    try:
+        text = json.dumps(content, indent=2, allow_nan=False)
+    except ValueError as error:
+        raise InputError(f"{path}: a figure is not a finite number") from error
+    write_text(path, text + "\n")

@@ -1,0 +1,1 @@
+"""Grasp trials in simulation: objects, grippers, reference grasps, trials and their outcomes."""

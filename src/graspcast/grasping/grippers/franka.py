@@ -1,0 +1,154 @@
+"""The Franka Hand, a parallel gripper, from primitives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from graspcast.errors import InputError
+from graspcast.geometry import transform
+from graspcast.grasping.gripper import Closing, Equilibrium
+
+__all__ = ["FrankaHand"]
+
+_GREY, _DARK = (0.86, 0.87, 0.88, 1.0), (0.2, 0.21, 0.23, 1.0)
+
+
+@dataclass(frozen=True)
+class FrankaHand:
+    """The Franka Hand: two fingers on one drive, closing along y of the base, reaching along z.
+
+    Stroke, frames, pads and masses are those of the manufacturer's hand as MuJoCo Menagerie gives
+    them; the grip force is a choice within the manual's 30 to 70 N of continuous force.
+
+    Attributes:
+        grip_n: Force with which each finger presses.
+        finger_speed: Speed of each finger, m/s (the manual's 50 mm/s).
+        stroke_m: Travel of each finger.
+        stiffness: Of the drive's position servo, N/m; it saturates at ``grip_n``.
+        reflected_kg: The drive's inertia as each finger feels it.
+        gear_damping: Viscous friction of the drive on each finger, Ns/m. It keeps a finger that
+            slips off an edge from shooting ahead where the servo saturates.
+    """
+
+    grip_n: float = 60.0
+    finger_speed: float = 0.05
+    stroke_m: float = 0.04
+    stiffness: float = 1e4
+    reflected_kg: float = 0.2
+    gear_damping: float = 500.0
+
+    def __post_init__(self) -> None:
+        if not 30.0 <= self.grip_n <= 70.0:
+            raise InputError(
+                f"grip_n is {self.grip_n} N; the Franka Hand grips with 30 to 70 N continuously"
+            )
+
+    @property
+    def name(self) -> str:
+        """``"parallel"``."""
+        return "parallel"
+
+    @property
+    def max_opening_m(self) -> float:
+        """80 mm between the pads."""
+        return 2 * self.stroke_m
+
+    @cached_property
+    def base_T_tcp(self) -> Float[ndarray, "4 4"]:
+        """103.4 mm in front of the base, its x along the base's y."""
+        rotation = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+        return transform(rotation, np.array([0.0, 0.0, 0.1034]))
+
+    @cached_property
+    def closing(self) -> Closing:
+        """Both fingers in at ``finger_speed``, to a point beyond contact so that force is full."""
+        beyond = -2.0 * self.grip_n / self.stiffness
+        seconds = (self.max_opening_m - beyond) / (2 * self.finger_speed)
+        return Closing({"fingers": self.max_opening_m}, {"fingers": beyond}, seconds)
+
+    @property
+    def equilibrium(self) -> Equilibrium:
+        """The defaults."""
+        return Equilibrium()
+
+    @property
+    def self_collision(self) -> bool:
+        """The fingers' stops keep them apart, so no."""
+        return False
+
+    def spec(self) -> Any:
+        """The hand's model: a box for the body; for each finger a box and its pad."""
+        import mujoco
+
+        spec = mujoco.MjSpec()
+        box = mujoco.mjtGeom.mjGEOM_BOX
+        hand = spec.worldbody.add_body(name="hand")
+        # The housing, 63 x 205 mm, with its face 66 mm in front of the base.
+        hand.add_geom(
+            name="housing",
+            type=box,
+            size=(0.0315, 0.1025, 0.046),
+            pos=(0, 0, 0.02),
+            mass=0.73,
+            rgba=_GREY,
+        )
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            finger = hand.add_body(name=f"{side}_finger", pos=(0, 0, 0.0584))
+            if sign < 0:
+                finger.quat = (0, 0, 0, 1)
+            finger.add_joint(
+                name=side,
+                type=mujoco.mjtJoint.mjJNT_SLIDE,
+                axis=(0, 1, 0),
+                range=(0, self.stroke_m),
+                armature=self.reflected_kg,
+                damping=(self.gear_damping, 0, 0),
+                solref_limit=(0.006, 1),
+                solimp_limit=(0.98, 0.999, 0.0005, 0.5, 2),
+            )
+            finger.add_geom(
+                name=f"{side}_link",
+                type=box,
+                size=(0.01, 0.007, 0.018),
+                pos=(0, 0.0165, 0.018),
+                mass=0.011,
+                rgba=_GREY,
+            )
+            # One pad in place of a groove between four corners: its face is where theirs are.
+            finger.add_geom(
+                name=f"{side}_pad",
+                type=box,
+                size=(0.0085, 0.00475, 0.0085),
+                pos=(0, 0.00475, 0.0445),
+                mass=0.004,
+                rgba=_DARK,
+            )
+        # One drive moves both fingers, so neither can push the other back.
+        spec.add_equality(
+            name="one drive",
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1="left",
+            name2="right",
+            data=(0, 1) + 10 * (0,),
+            solref=(0.006, 1),
+            solimp=(0.98, 0.999, 0.0005, 0.5, 2),
+        )
+        tendon = spec.add_tendon(name="opening")
+        tendon.wrap_joint("left", 1.0)
+        tendon.wrap_joint("right", 1.0)
+        drive = spec.add_actuator(
+            name="fingers",
+            trntype=mujoco.mjtTrn.mjTRN_TENDON,
+            target="opening",
+            forcerange=(-self.grip_n, self.grip_n),
+            forcelimited=True,
+        )
+        drive.set_to_position(kp=self.stiffness)
+        return spec

@@ -1,0 +1,217 @@
+"""Meshes of graspable objects: STL, OBJ or PLY, in millimetres or metres, and their mass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from graspcast.errors import FormatError, InputError
+
+__all__ = ["MassProperties", "Mesh", "Unit", "mass_properties", "open_edges", "read_mesh"]
+
+Unit = Literal["auto", "mm", "m"]
+
+SMALLEST_M, LARGEST_M = 0.005, 1.0
+"""What a single hand can grasp, as the largest side of the bounding box."""
+
+_METRES = {"mm": 1e-3, "m": 1.0}
+_SUFFIXES = (".stl", ".obj", ".ply")
+_VOLUME_TOLERANCE = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A triangle mesh in the object's frame.
+
+    Attributes:
+        vertices: Metres, without duplicates.
+        faces: Triangles, none of them with two equal corners.
+        unit: The unit that the file is in.
+        notes: What the reader found out or decided, one sentence each, for the user to read.
+    """
+
+    vertices: Float[ndarray, "v 3"]
+    faces: Int[ndarray, "f 3"]
+    unit: str
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class MassProperties:
+    """What a body of uniform density weighs on.
+
+    Attributes:
+        volume_m3: Enclosed volume.
+        centroid: Centre of mass in the object's frame, metres.
+        inertia: Moments about the centroid along the object's axes, kg m^2.
+        notes: What had to be tolerated, one sentence each.
+    """
+
+    volume_m3: float
+    centroid: Float[ndarray, " 3"]
+    inertia: Float[ndarray, "3 3"]
+    notes: tuple[str, ...] = ()
+
+
+def read_mesh(path: str | PathLike[str], unit: Unit = "auto") -> Mesh:
+    """Read a triangle mesh into metres.
+
+    Files state no unit, so ``"auto"`` takes the one in which the object is of a size that a hand
+    can grasp, 5 mm to 1 m: at most one of millimetres and metres is.
+
+    Raises:
+        FormatError: if the file is missing, is no mesh, or has no faces; if neither unit, or not
+            the stated one, makes it graspable.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in _SUFFIXES:
+        raise FormatError(path, f"a mesh should end in {', '.join(_SUFFIXES)}")
+    vertices, faces = _load(path)
+    extent = float(np.ptp(vertices[faces].reshape(-1, 3), axis=0).max())
+    chosen = _unit(path, extent, unit)
+    notes = [f"{path.name}: read as {chosen}"] if unit == "auto" else []
+    # STL repeats every corner, PLY those along texture seams; topology needs them once.
+    vertices, number = np.unique(vertices, axis=0, return_inverse=True)
+    faces = number.reshape(-1)[faces]
+    degenerate = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
+    faces = faces[~degenerate]
+    if not len(faces):
+        raise FormatError(path, "every one of its triangles has two equal corners")
+    return Mesh(vertices * _METRES[chosen], faces, chosen, tuple(notes))
+
+
+def _load(path: Path) -> tuple[ndarray, ndarray]:
+    import trimesh
+
+    try:
+        with path.open("rb") as stream:
+            options: Any = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
+            loaded: Any = trimesh.load(
+                stream, file_type=path.suffix[1:].lower(), process=False, force="mesh", **options
+            )
+        vertices = np.array(loaded.vertices, dtype=np.float64)
+        faces = np.array(getattr(loaded, "faces", ()), dtype=np.int64).reshape(-1, 3)
+    except OSError as error:
+        raise FormatError(path, f"cannot be read ({error.strerror})") from error
+    except Exception as error:  # trimesh raises whatever its parser met
+        raise FormatError(path, f"is not a {path.suffix[1:].upper()} mesh ({error})") from error
+    if not len(vertices) or not len(faces):
+        raise FormatError(path, "has no triangles; a grasp needs a surface, not a point cloud")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise FormatError(path, f"a face names a vertex beyond the {len(vertices)} there are")
+    if not np.isfinite(vertices).all():
+        raise FormatError(path, "has coordinates that are not finite numbers")
+    return vertices, faces
+
+
+def _unit(path: Path, extent: float, unit: Unit) -> str:
+    graspable = [u for u, metres in _METRES.items() if SMALLEST_M <= extent * metres <= LARGEST_M]
+    if unit != "auto":
+        if unit not in _METRES:
+            raise FormatError(path, f"its unit {unit!r} should be 'mm', 'm' or 'auto'")
+        if unit not in graspable:
+            remedy = f"it would fit as unit = '{graspable[0]}'" if graspable else "rescale it"
+            raise FormatError(
+                path,
+                f"is {extent * _METRES[unit]:.3g} m across when read in {unit}, and a hand grasps "
+                f"{SMALLEST_M} to {LARGEST_M} m; {remedy}",
+            )
+        return unit
+    if not graspable:
+        raise FormatError(
+            path,
+            f"is {extent:.3g} across, and a hand grasps {SMALLEST_M} to {LARGEST_M} m, so it is "
+            "neither in millimetres nor in metres; rescale it",
+        )
+    return graspable[0]
+
+
+def open_edges(faces: Int[ndarray, "f 3"]) -> tuple[Int[ndarray, "e 2"], Int[ndarray, " e"]]:
+    """The edges along which a surface does not close, and how many faces meet at each.
+
+    On a closed surface whose faces all look outwards each edge is walked as often one way as the
+    other. An odd number of faces means a hole; an even one, faces that look different ways.
+    """
+    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    sign = np.where(directed[:, 0] < directed[:, 1], 1, -1)
+    edges, number, count = np.unique(
+        np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    unbalanced = np.bincount(number.reshape(-1), weights=sign, minlength=len(edges)) != 0
+    return edges[unbalanced], count[unbalanced]
+
+
+def mass_properties(
+    vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], mass_kg: float, what: str
+) -> MassProperties:
+    """Centroid and inertia of a body of uniform density, by volume integrals over its surface.
+
+    A scan may leave a few edges open. A loop of length L bounds an area of at most L²/4π
+    (isoperimetric inequality), so the volume is uncertain by at most twice the cone over it from
+    the middle; that is tolerated up to 1 % of the volume, and noted.
+
+    Args:
+        vertices, faces: The mesh, metres.
+        mass_kg: Its mass.
+        what: The object's name in messages.
+
+    Raises:
+        InputError: if the surface is not closed, or its faces look inwards or different ways.
+    """
+    from trimesh.triangles import mass_properties as integrate
+
+    middle = (vertices[faces].min(axis=(0, 1)) + vertices[faces].max(axis=(0, 1))) / 2
+    triangles = vertices[faces] - middle
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    volume = float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
+    edges, count = open_edges(faces)
+    notes = []
+    if len(edges):
+        uncertain = _volume_uncertainty(vertices - middle, edges) / max(abs(volume), 1e-12)
+        if uncertain > _VOLUME_TOLERANCE:
+            holes = int((count % 2 == 1).sum())
+            problem = (
+                f"it is not watertight: {holes} edges are open"
+                if holes
+                else f"its faces look different ways along {len(edges)} edges"
+            )
+            raise InputError(
+                f"{what}: {problem}, so its volume and inertia mean nothing; close it and make "
+                "its normals consistent (MeshLab, Blender, trimesh.repair)"
+            )
+        notes.append(
+            f"{what}: {len(edges)} edges do not close; the volume is uncertain by "
+            f"{100 * uncertain:.2g} % at most"
+        )
+    if volume <= 0:
+        raise InputError(
+            f"{what}: its faces are inverted (they enclose {volume * 1e6:.4g} cm³); flip the "
+            "order of their corners"
+        )
+    integral = integrate(triangles, density=mass_kg / volume)
+    return MassProperties(
+        volume_m3=volume,
+        centroid=np.asarray(integral["center_mass"]) + middle,
+        inertia=np.asarray(integral["inertia"]),
+        notes=tuple(notes),
+    )
+
+
+def _volume_uncertainty(vertices: Float[ndarray, "v 3"], edges: Int[ndarray, "e 2"]) -> float:
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    n = len(vertices)
+    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
+    _, component = connected_components(graph, directed=False)
+    loop = component[edges[:, 0]]
+    length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
+    perimeter = np.bincount(loop, weights=length)
+    height = np.linalg.norm(vertices, axis=1).max()
+    return float(2 * (perimeter**2).sum() / (4 * np.pi) * height / 3)

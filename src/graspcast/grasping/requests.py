@@ -1,0 +1,128 @@
+"""What a campaign is asked to try: estimates of instances, each to guide a grasp by a gripper."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from graspcast.errors import InputError
+
+__all__ = ["KEY_COLUMNS", "TrialRequests"]
+
+KEY_COLUMNS = {
+    "estimator": pl.String,
+    "dataset": pl.String,
+    "scene_id": pl.Int64,
+    "im_id": pl.Int64,
+    "obj_id": pl.Int64,
+    "inst_id": pl.Int64,
+    "gripper": pl.String,
+}
+"""What tells one trial from another."""
+
+_RIGID_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class TrialRequests:
+    """Trials to run, one a row.
+
+    Attributes:
+        keys: The columns of ``KEY_COLUMNS``, and ``object``, the object's name in the catalogue;
+            where that column is not given it is ``dataset-obj_id``. No row may be there twice.
+        obj_T_est: The estimates seen from the true objects, ``inv(cam_T_gt) @ cam_T_est``, metres,
+            (n, 4, 4).
+
+    Raises:
+        InputError: for a missing column, a value that is null, two rows with the same keys, or a
+            pose that is not a finite rigid transform; the first such row is named.
+    """
+
+    keys: pl.DataFrame
+    obj_T_est: Float[ndarray, "n 4 4"]
+
+    def __post_init__(self) -> None:
+        missing = [name for name in KEY_COLUMNS if name not in self.keys.columns]
+        if missing:
+            raise InputError(f"the trials lack the column {missing[0]!r}; needed: {_names()}")
+        keys = self.keys
+        if "object" not in keys.columns:
+            keys = keys.with_columns(object=pl.format("{}-{}", "dataset", "obj_id"))
+        try:
+            keys = keys.select(
+                *(pl.col(name).cast(kind) for name, kind in KEY_COLUMNS.items()),
+                pl.col("object").cast(pl.String),
+            )
+        except pl.exceptions.PolarsError as error:
+            raise InputError(f"the trials' keys have the wrong type: {error}") from error
+        poses = np.array(self.obj_T_est, dtype=np.float64)
+        if poses.shape != (len(keys), 4, 4):
+            raise InputError(f"{len(keys)} trials need poses (n, 4, 4), not {poses.shape}")
+        object.__setattr__(self, "keys", keys)
+        object.__setattr__(self, "obj_T_est", poses)
+        self._check()
+
+    def _check(self) -> None:
+        nulls = self.keys.select(pl.any_horizontal(pl.all().is_null())).to_series()
+        if nulls.any():
+            raise InputError(f"a trial has no value in some column: {self.describe(nulls)}")
+        repeated = self.keys.select(list(KEY_COLUMNS)).is_duplicated()
+        if repeated.any():
+            raise InputError(f"two trials have the same keys: {self.describe(repeated)}")
+        poses = self.obj_T_est
+        finite = np.isfinite(poses).all(axis=(1, 2))
+        if not finite.all():
+            raise InputError(
+                f"{(~finite).sum()} estimates are not finite numbers, the first is that of "
+                f"{self.describe(~finite)}; leave out what an estimator did not find"
+            )
+        R = poses[:, :3, :3]
+        orthogonal = np.isclose(R @ np.swapaxes(R, 1, 2), np.eye(3), atol=_RIGID_TOLERANCE)
+        rigid = orthogonal.all(axis=(1, 2)) & (np.linalg.det(R) > 0)
+        rigid &= (poses[:, 3] == [0, 0, 0, 1]).all(axis=1)
+        if not rigid.all():
+            raise InputError(
+                f"{(~rigid).sum()} estimates are not rigid transforms, the first is that of "
+                f"{self.describe(~rigid)}"
+            )
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    def describe(self, rows: ndarray | pl.Series) -> str:
+        """The keys of the first row of a mask, for a message."""
+        row = self.keys.row(int(np.argmax(np.asarray(rows))), named=True)
+        return ", ".join(f"{name} {row[name]}" for name in KEY_COLUMNS)
+
+    def select(self, rows: Int[ndarray, " m"]) -> TrialRequests:
+        """Some of the trials, by row number."""
+        return TrialRequests(self.keys[rows], self.obj_T_est[rows])
+
+    def pairs(self) -> list[tuple[str, str]]:
+        """Every object with every gripper that is to grasp it, in order of appearance."""
+        return list(self.keys.select("object", "gripper").unique(maintain_order=True).iter_rows())
+
+    def rows_of(self, pair: tuple[str, str]) -> Int[ndarray, " m"]:
+        """The rows of an object and a gripper."""
+        mine = (pl.col("object") == pair[0]) & (pl.col("gripper") == pair[1])
+        return self.keys.select(mine.arg_true()).to_series().to_numpy().astype(np.int64)
+
+    def digests(self) -> dict[str, str]:
+        """SHA-256 over keys and poses, as hex, for each estimator on each dataset; in any order."""
+        order = self.keys.with_row_index("row").sort(list(KEY_COLUMNS))
+        out = {}
+        for group, rows in order.group_by("estimator", "dataset", maintain_order=True):
+            index = rows["row"].to_numpy()
+            content = hashlib.sha256(rows.drop("row").write_csv().encode())
+            content.update(np.ascontiguousarray(self.obj_T_est[index], dtype="<f8").tobytes())
+            out["{} on {}".format(*group)] = content.hexdigest()
+        return out
+
+
+def _names() -> str:
+    return ", ".join(KEY_COLUMNS)

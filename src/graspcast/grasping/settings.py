@@ -1,0 +1,98 @@
+"""Every number that a trial depends on besides the object, the gripper and the grasp."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from graspcast.errors import InputError
+
+__all__ = ["TrialSettings"]
+
+
+@dataclass(frozen=True)
+class TrialSettings:
+    """How a grasp is tried (Sections III-B and IV-C of the paper), and how contact is computed.
+
+    The paper states the lift time and leaves the tolerance to the authors' release (5 cm); every
+    other value is this project's choice.
+
+    Attributes:
+        standoff_m: Distance between the pre-grasp and the grasp, backwards along the approach.
+        approach_speed: Speed of the approach, m/s.
+        lift_speed: Speed of the lift, m/s, reached within ``lift_ramp_s``.
+        lift_s: Duration of the lift, ramp included.
+        lift_ramp_s: Time in which the lift reaches its speed.
+        tolerance_m: Largest change of the object's centroid in the hand's frame that is a success.
+        settle_s: Pause between the end of the approach and the start of closing.
+        arm_force_n: Largest force with which the arm pushes the hand along its approach.
+        overlap_m: The open hand starts blocked if it is deeper than this in object or table.
+        hand_touches_table: Whether the table stops the hand; if not, only the object feels it.
+        timestep: Seconds a simulation step.
+        integrator: MuJoCo's integrator.
+        cone: MuJoCo's friction cone.
+        impratio: MuJoCo's ratio of frictional to normal constraint impedance.
+        noslip_iterations: MuJoCo's no-slip iterations, which stop the creep of soft contacts.
+        condim: Dimension of the contacts of the object with the hand: 3 sliding, 4 with torsion.
+        torsion_m: Torsional friction, as MuJoCo has it (the radius of the contact patch), metres.
+        solref: MuJoCo's contact time constant (s) and damping ratio.
+        solimp: MuJoCo's contact impedance: at touch, at ``width``, and the width in metres.
+        iterations: Limit of the constraint solver.
+    """
+
+    standoff_m: float = 0.10
+    approach_speed: float = 0.10
+    lift_speed: float = 0.10
+    lift_s: float = 15.0
+    lift_ramp_s: float = 0.25
+    tolerance_m: float = 0.05
+    settle_s: float = 0.1
+    arm_force_n: float = 100.0
+    overlap_m: float = 0.001
+    hand_touches_table: bool = True
+    timestep: float = 0.002
+    integrator: Literal["euler", "implicit", "implicitfast", "rk4"] = "implicitfast"
+    cone: Literal["elliptic", "pyramidal"] = "elliptic"
+    impratio: float = 10.0
+    noslip_iterations: int = 3
+    condim: Literal[3, 4, 6] = 4
+    torsion_m: float = 0.005
+    solref: tuple[float, float] = (0.01, 1.0)
+    solimp: tuple[float, float, float] = (0.95, 0.99, 0.001)
+    iterations: int = 50
+
+    def __post_init__(self) -> None:
+        positive = ("standoff_m", "approach_speed", "lift_speed", "lift_s", "tolerance_m")
+        for name in (*positive, "arm_force_n", "timestep", "impratio", "iterations"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"trial setting {name} is {getattr(self, name)}; it must be > 0")
+        for name in ("settle_s", "lift_ramp_s", "overlap_m", "noslip_iterations", "torsion_m"):
+            if not getattr(self, name) >= 0:
+                raise InputError(f"trial setting {name} is {getattr(self, name)}; it must be >= 0")
+        if self.lift_ramp_s >= self.lift_s:
+            raise InputError(f"lift_ramp_s ({self.lift_ramp_s}) must be below lift_s")
+        if self.solref[0] < 2 * self.timestep:
+            raise InputError(
+                f"solref {self.solref[0]} s is below twice the timestep ({self.timestep} s): "
+                "contacts would be unstable; raise solref or lower the timestep"
+            )
+        if self.lift_height_m <= 2 * self.tolerance_m:
+            raise InputError(
+                f"the lift ends after {self.lift_height_m:.3f} m, too low to tell a failure: an "
+                f"object left behind must be farther than the tolerance of {self.tolerance_m} m"
+            )
+
+    @property
+    def lift_height_m(self) -> float:
+        """How far the hand moves up."""
+        return self.lift_speed * (self.lift_s - 0.5 * self.lift_ramp_s)
+
+    def as_dict(self) -> dict[str, Any]:
+        """All values, ready for JSON."""
+        return asdict(self)
+
+    def digest(self) -> str:
+        """SHA-256 over all values, as hex."""
+        return hashlib.sha256(json.dumps(self.as_dict(), sort_keys=True).encode()).hexdigest()

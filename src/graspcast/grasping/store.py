@@ -1,0 +1,224 @@
+"""The directory of a campaign: a manifest, shards of outcomes, and in the end one file of them.
+
+::
+
+    DIR/manifest.json      what was tried, how, with which versions; a hash of all of it
+    DIR/shards/*.parquet   outcomes while the campaign runs; each file whole, never changed
+    DIR/outcomes.parquet   every outcome, sorted, once it is complete; the shards are gone then
+    DIR/README.md          the card
+
+A shard is written aside, synced and renamed, so a process killed at any moment leaves whole
+shards, and a machine that loses power at worst lacks the last few. Outcomes are merged by writing
+the merged file first and removing its parts afterwards: in between they are there twice, which
+reading undoes.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import uuid
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from graspcast.errors import FormatError, InputError, MismatchError
+from graspcast.files import atomic_write, write_text
+from graspcast.grasping.requests import KEY_COLUMNS
+
+__all__ = ["COLUMNS", "Store", "read_outcomes"]
+
+COLUMNS = {
+    **KEY_COLUMNS,
+    "success": pl.Boolean,
+    "reason": pl.String,
+    "offset_m": pl.Float64,
+    "simulated_s": pl.Float64,
+    "computed_s": pl.Float64,
+    "steps": pl.Int64,
+    "object": pl.String,
+    "settings": pl.String,
+    "mujoco": pl.String,
+}
+"""The columns of a campaign's outcomes, in order."""
+
+MANIFEST, SHARDS, OUTCOMES = "manifest.json", "shards", "outcomes.parquet"
+_MOST_SHARDS = 500
+
+
+def read_outcomes(directory: str | PathLike[str]) -> pl.DataFrame:
+    """The outcomes of a campaign, complete or not, sorted by their keys.
+
+    Raises:
+        FormatError: if the directory is no campaign's, or one of its files is damaged.
+    """
+    return Store(directory).outcomes()
+
+
+class Store:
+    """The directory of a campaign; see the module's docstring.
+
+    Args:
+        directory: Where it is; made by :meth:`begin`.
+    """
+
+    def __init__(self, directory: str | PathLike[str]):
+        self.directory = Path(directory)
+        self._shards = 0
+
+    @property
+    def manifest(self) -> dict[str, Any]:
+        """The content of ``manifest.json``.
+
+        Raises:
+            FormatError: if it is missing or damaged.
+        """
+        path = self.directory / MANIFEST
+        try:
+            manifest = json.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise FormatError(path, f"is not a campaign's manifest ({error.strerror})") from error
+        except ValueError as error:
+            raise FormatError(path, f"is not JSON ({error})") from error
+        if not isinstance(manifest, dict) or not isinstance(manifest.get("configuration"), dict):
+            raise FormatError(path, "has no configuration, so it is no campaign's manifest")
+        return manifest
+
+    def begin(self, manifest: Mapping[str, Any]) -> None:
+        """Start a campaign here, or go on with it.
+
+        Raises:
+            MismatchError: if a campaign of another configuration is here; its differences are
+                named, and nothing is touched.
+            InputError: if the directory holds other files, or cannot be written.
+        """
+        if (self.directory / MANIFEST).exists():
+            self._check_same(manifest)
+        else:
+            if self.directory.is_dir() and any(self.directory.glob("[!.]*")):
+                raise InputError(
+                    f"{self.directory} holds files but no campaign; give a new --out directory"
+                )
+            write_text(self.directory / MANIFEST, json.dumps(manifest, indent=1) + "\n")
+        self._tidy()
+
+    def _check_same(self, manifest: Mapping[str, Any]) -> None:
+        mine, other = self.manifest["configuration"], manifest["configuration"]
+        changed = [k for k in {**mine, **other} if mine.get(k) != other.get(k)]
+        if changed:
+            told = ", ".join(
+                f"{k} ({_short(mine.get(k))} there, {_short(other.get(k))} now)"
+                for k in changed[:5]
+            )
+            more = f" and {len(changed) - 5} more" if len(changed) > 5 else ""
+            raise MismatchError(
+                f"{self.directory} holds a campaign of another configuration: {told}{more}; "
+                "outcomes of the two would not belong together, so give another --out"
+            )
+
+    def _tidy(self) -> None:
+        """Remove what a killed process had not finished writing."""
+        for path in (*self.directory.glob(".*.parquet.*"), *self._shard_files(".*.parquet.*")):
+            path.unlink(missing_ok=True)
+        self._shards = len(self._shard_files())
+
+    @contextmanager
+    def lock(self) -> Iterator[None]:
+        """Hold the directory; the lock goes with the process, however that ends.
+
+        Raises:
+            InputError: if another process holds it.
+        """
+        try:
+            import fcntl
+        except ImportError:  # Windows: two processes on one directory are the user's to avoid
+            yield
+            return
+        path = self.directory / ".lock"
+        try:
+            self.directory.mkdir(parents=True, exist_ok=True)
+            stream = path.open("w")
+        except OSError as error:
+            raise InputError(f"{self.directory}: cannot be written ({error.strerror})") from error
+        with stream:
+            try:
+                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise InputError(
+                    f"another process is running the campaign in {self.directory}; wait for it"
+                ) from error
+            yield
+
+    def append(self, outcomes: pl.DataFrame) -> None:
+        """Keep outcomes, in one new shard.
+
+        Raises:
+            InputError: if they cannot be written, for one because the disk is full.
+        """
+        self._write(self.directory / SHARDS / f"{uuid.uuid4().hex}.parquet", outcomes)
+        self._shards += 1
+        if self._shards > _MOST_SHARDS:
+            self._merge(self.directory / SHARDS / f"{uuid.uuid4().hex}.parquet")
+            self._shards = 1
+
+    def finish(self) -> pl.DataFrame:
+        """Merge everything into ``outcomes.parquet``, and return it."""
+        outcomes = self._merge(self.directory / OUTCOMES)
+        if (self.directory / SHARDS).is_dir() and not any((self.directory / SHARDS).iterdir()):
+            (self.directory / SHARDS).rmdir()
+        return outcomes
+
+    def outcomes(self) -> pl.DataFrame:
+        """Everything that is kept so far, sorted by keys, nothing twice."""
+        self.manifest  # noqa: B018 - an empty answer for a wrong directory would mislead
+        parts = [_read(path) for path in self._files()]
+        together = pl.concat([pl.DataFrame(schema=COLUMNS), *parts])
+        return together.unique(list(KEY_COLUMNS), keep="first").sort(list(KEY_COLUMNS))
+
+    def _merge(self, target: Path) -> pl.DataFrame:
+        parts = self._files()
+        outcomes = self.outcomes()
+        if parts != [target]:
+            self._write(target, outcomes)
+        for path in parts:
+            if path != target:
+                path.unlink(missing_ok=True)
+        return outcomes
+
+    def _files(self) -> list[Path]:
+        complete = self.directory / OUTCOMES
+        return [*([complete] if complete.exists() else []), *sorted(self._shard_files())]
+
+    def _shard_files(self, pattern: str = "[!.]*.parquet") -> list[Path]:
+        return list((self.directory / SHARDS).glob(pattern))
+
+    def _write(self, path: Path, outcomes: pl.DataFrame) -> None:
+        # Through memory, so that a full disk is an OSError that atomic_write knows.
+        buffer = io.BytesIO()
+        outcomes.select(pl.col(name).cast(kind) for name, kind in COLUMNS.items()).write_parquet(
+            buffer
+        )
+        with atomic_write(path) as temporary:
+            temporary.write_bytes(buffer.getvalue())
+
+
+def _read(path: Path) -> pl.DataFrame:
+    try:
+        part = pl.read_parquet(path, use_pyarrow=False)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise FormatError(
+            path, f"is damaged ({error}); remove it, and its trials are run again"
+        ) from error
+    if dict(part.schema) != COLUMNS:
+        raise FormatError(path, f"should have the columns {', '.join(COLUMNS)}")
+    return part
+
+
+def _short(value: object) -> str:
+    text = "absent" if value is None else str(value)
+    is_hash = len(text) == 64 and not set(text) - set("0123456789abcdef")
+    return text[:8] if is_hash else text

@@ -1,0 +1,173 @@
+"""From the files that a user names to estimates, side by side and checked against one another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from graspcast.bop.dataset import BopDataset
+from graspcast.bop.models import Models
+from graspcast.bop.results import Results, dataset_of, read_results
+from graspcast.errors import FormatError, InputError, MismatchError, UnknownNameError
+from graspcast.estimates import Estimates, align, concatenate
+from graspcast.outcomes import read_all_outcomes
+
+__all__ = ["Inputs", "load_inputs", "load_outcomes"]
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """Results of every estimator on every dataset.
+
+    Attributes:
+        datasets: Dataset's name to its BOP directory, where one was given.
+        results: Dataset's name to estimator's name to results.
+        notes: What was left out, in words.
+    """
+
+    datasets: Mapping[str, BopDataset]
+    results: Mapping[str, Mapping[str, Results]]
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def models(self) -> dict[str, Models]:
+        """Dataset's name to its object models."""
+        return {name: dataset.models for name, dataset in self.datasets.items()}
+
+    def estimates(self, anchor: str | None = None) -> Estimates:
+        """All estimators side by side; adds to :attr:`notes` what some of them lack.
+
+        Raises:
+            MismatchError: if no instance has a pose by all, or estimators differ among datasets.
+            UnknownNameError: for an anchor that is none of them.
+        """
+        together = concatenate(
+            [align(tables, dataset=name, anchor=anchor) for name, tables in self.results.items()]
+        )
+        lacking = {name: n for name, n in together.lacking.items() if n}
+        if lacking:
+            counts = ", ".join(f"{n} by {name}" for name, n in lacking.items())
+            self.notes.append(f"dropped instances without an estimate: {counts}")
+        return together
+
+
+def load_inputs(
+    estimates: Sequence[tuple[str, Path]],
+    *,
+    bop: Sequence[tuple[str | None, Path]] = (),
+    ground_truth: Sequence[Path] = (),
+    objects: Sequence[str] = (),
+    lenient: bool = False,
+) -> Inputs:
+    """Read results CSVs and the BOP directories they belong to.
+
+    A file belongs to the dataset that its name states (``METHOD_DATASET-SPLIT.csv``); if it states
+    none, to the only BOP directory.
+
+    Args:
+        estimates: Estimator's name and file; a name may come once for each dataset.
+        bop: BOP directories, each with a name if it is not the directory's.
+        ground_truth: Directories of scene folders, one for each BOP directory, in their order.
+        objects: The wanted objects (``5`` or ``lmo-5``), all if empty.
+        lenient: Skip bad rows and unknown objects.
+
+    Raises:
+        InputError: naming the file, what is wrong, and the remedy.
+    """
+    if len(ground_truth) not in (0, len(bop)):
+        raise InputError(
+            f"{len(ground_truth)} --ground-truth for {len(bop)} --bop: give none, or one for each, "
+            "in the same order"
+        )
+    datasets: dict[str, BopDataset] = {}
+    for i, (name, root) in enumerate(bop):
+        truth = ground_truth[i] if ground_truth else None
+        dataset = BopDataset(root, ground_truth=truth, name=name)
+        datasets[dataset.name] = dataset
+    results: dict[str, dict[str, Results]] = {}
+    out = Inputs(datasets, results)
+    for name, path in estimates:
+        dataset_name = _dataset_name(path, datasets)
+        tables = results.setdefault(dataset_name, {})
+        if name in tables:
+            raise InputError(f"{path}: there are already estimates of {dataset_name} by {name}")
+        table = read_results(path, lenient=lenient)
+        out.notes.extend(f"{path}: dropped {n} rows ({why})" for why, n in table.dropped.items())
+        tables[name] = _wanted(table, dataset_name, datasets, objects, lenient, out.notes)
+    return out
+
+
+def _dataset_name(path: Path, datasets: Mapping[str, BopDataset]) -> str:
+    stated = dataset_of(path)
+    if not datasets:
+        if stated is None:
+            raise InputError(
+                f"{path}: of which dataset? Name the file METHOD_DATASET-SPLIT.csv, or give --bop"
+            )
+        return stated
+    if stated is None and len(datasets) == 1:
+        return next(iter(datasets))
+    if stated is None or stated not in datasets:
+        raise MismatchError(
+            f"{path}: by its name a CSV of dataset {stated}, but --bop gives "
+            f"{', '.join(datasets)}; if it is the same, say --bop {stated}=DIR"
+        )
+    return stated
+
+
+def _wanted(
+    table: Results,
+    dataset_name: str,
+    datasets: Mapping[str, BopDataset],
+    objects: Sequence[str],
+    lenient: bool,
+    notes: list[str],
+) -> Results:
+    """The rows of the wanted objects, all of which the models must know."""
+    if objects:
+        numbers = [int(o.rpartition("-")[2]) for o in objects if _is_of(o, dataset_name)]
+        table = table.select(np.isin(table.obj_id, numbers))
+    if dataset_name not in datasets:
+        return table
+    info = datasets[dataset_name].models.info
+    known = np.isin(table.obj_id, list(info))
+    if known.all():
+        return table
+    if not lenient:
+        row = int(np.flatnonzero(~known)[0])
+        raise FormatError(
+            table.source,
+            f"object {table.obj_id[row]} is not in {datasets[dataset_name].models.directory}"
+            f"/models_info.json, which has {', '.join(map(str, sorted(info)))}; choose among these "
+            "with --objects, or leave the others out with --lenient",
+            where=f"line {table.line[row]}",
+        )
+    notes.append(f"{table.source}: dropped {int((~known).sum())} rows (object without a model)")
+    return table.select(known)
+
+
+def _is_of(name: str, dataset_name: str) -> bool:
+    dataset, _, number = name.rpartition("-")
+    if not number.isdigit():
+        raise InputError(f"--objects takes numbers, or DATASET-NUMBER (lmo-5), not {name!r}")
+    return dataset in ("", dataset_name)
+
+
+def load_outcomes(paths: Sequence[Path], estimators: Sequence[str]) -> pl.DataFrame:
+    """Read outcomes from several files or directories as one table.
+
+    Raises:
+        InputError: naming the file that is wrong.
+        UnknownNameError: if none of the estimators has outcomes.
+    """
+    table = read_all_outcomes(paths)
+    known = table["estimator"].unique().sort().to_list()
+    if not set(known) & set(estimators):
+        raise UnknownNameError(
+            "estimator", ", ".join(estimators), known, hint="These have outcomes"
+        )
+    return table

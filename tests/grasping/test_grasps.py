@@ -1,0 +1,119 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from graspcast.errors import FormatError, InputError, UnknownNameError
+from graspcast.geometry import exp
+from graspcast.grasping.catalogue import read_catalogue
+from graspcast.grasping.grasps import GraspTable, ReferenceGrasp, read_grasps, write_grasps
+from graspcast.grasping.grippers import load_gripper
+from graspcast.grasping.objects import load_object
+from graspcast.grasping.types import Grasp
+
+ENTRY = """
+[[grasp]]
+object = "mug"
+gripper = "parallel"
+position_m = [0.0, 0.0, 0.03]
+quaternion = [0.0, 1.0, 0.0, 0.0]
+provenance = "by hand"
+"""
+
+
+def _reference(twist: tuple[float, ...], gripper: str = "parallel") -> ReferenceGrasp:
+    grasp = Grasp(exp(np.array(twist)), "mug", gripper)
+    return ReferenceGrasp(grasp, 'said "so"\nétwice', 0.4, 0.5, {"κ, part 2": 0.1 + 0.2, "n": 3})
+
+
+@given(twist=st.tuples(*[st.floats(-1, 1)] * 6))
+def test_what_is_written_is_read(
+    tmp_path_factory: pytest.TempPathFactory, twist: tuple[float, ...]
+) -> None:
+    path = tmp_path_factory.mktemp("grasps") / "mine.toml"
+    written = _reference(twist)
+    write_grasps(path, [written])
+    read = read_grasps(path)("mug", "parallel")
+    np.testing.assert_allclose(read.grasp.obj_T_grasp, written.grasp.obj_T_grasp, atol=1e-14)
+    assert np.array_equal(read.grasp.obj_T_grasp[:3, 3], written.grasp.obj_T_grasp[:3, 3])
+    assert (read.provenance, dict(read.agreement)) == (written.provenance, written.agreement)
+    assert (read.mass_kg, read.friction) == (0.4, 0.5)
+
+
+def test_the_file_is_sorted_and_writing_it_again_changes_nothing(tmp_path: Path) -> None:
+    grasps = [
+        ReferenceGrasp(Grasp(np.eye(4), name, gripper), "by hand")
+        for name in ("lmo-10", "lmo-9", "mug")
+        for gripper in ("underactuated", "parallel")
+    ]
+    write_grasps(tmp_path / "a.toml", grasps)
+    assert [t for t in (tmp_path / "a.toml").read_text().split('"') if "lmo" in t] == [
+        *["lmo-9"] * 2,
+        *["lmo-10"] * 2,
+    ]
+    again = [g for g in read_grasps(tmp_path / "a.toml") if g.provenance == "by hand"]
+    write_grasps(tmp_path / "b.toml", reversed(again))
+    assert (tmp_path / "a.toml").read_bytes() == (tmp_path / "b.toml").read_bytes()
+
+
+def test_the_grasps_that_come_with_it_are_of_known_objects_and_grippers() -> None:
+    catalogue = read_catalogue()
+    table = read_grasps()
+    assert len(table)
+    for reference in table:
+        assert reference.grasp.object in catalogue
+        assert load_gripper(reference.grasp.gripper).name == reference.grasp.gripper
+
+
+def test_a_pair_without_a_grasp_lists_the_grippers_that_have_one(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(ENTRY)
+    table = read_grasps(tmp_path / "mine.toml")
+    assert ("mug", "parallel") in table and ("ycbv-4", "parallel") in table
+    with pytest.raises(UnknownNameError, match="'mug' by 'underactuated'; known: parallel"):
+        table("mug", "underactuated")
+    with pytest.raises(UnknownNameError, match="known: none"):
+        table("cup", "parallel")
+
+
+def test_a_users_grasp_takes_precedence(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(ENTRY.replace("mug", "ycbv-4"))
+    assert read_grasps(tmp_path / "mine.toml")("ycbv-4", "parallel").provenance == "by hand"
+    assert len(read_grasps(tmp_path / "mine.toml")) == len(read_grasps())
+
+
+def test_a_pairs_own_friction_and_mass() -> None:
+    can = load_object("ycbv-4")
+    reference = _reference((0.0,) * 6)
+    assert reference.applied_to(can).friction == 0.5
+    np.testing.assert_allclose(reference.applied_to(can).inertia * 0.349, can.inertia * 0.4)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[0.0, 1.0, 0.0, 0.0]", "[0.0, 2.0, 0.0, 0.0]", "quaternion has length 2, not 1"),
+        ("[0.0, 1.0, 0.0, 0.0]", "[1.0, 0.0, 0.0]", r"mug by parallel\): quaternion should be 4"),
+        ('provenance = "by hand"', "", "provenance is missing"),
+        ('provenance = "by hand"', 'provenance = ""\nmass_kg = 0', "mass_kg is 0.0"),
+        ('provenance = "by hand"', 'provenance = ""\nmasss_kg = 1', "did you mean 'mass_kg'"),
+        ('provenance = "by hand"', 'provenance = ""\nagreement.a = [1]', "agreement.a should be"),
+        ("[[grasp]]", "[[grip]]", "unknown key 'grip'"),
+        ("[[grasp]]", ENTRY + "[[grasp]]", "there are two grasps of 'mug' by 'parallel'"),
+    ],
+)
+def test_a_file_that_is_wrong(tmp_path: Path, old: str, new: str, message: str) -> None:
+    (tmp_path / "mine.toml").write_text(ENTRY.replace(old, new))
+    with pytest.raises(FormatError, match=message):
+        read_grasps(tmp_path / "mine.toml")
+
+
+def test_figures_are_numbers_or_text(tmp_path: Path) -> None:
+    grasp = Grasp(np.eye(4), "mug", "parallel")
+    with pytest.raises(InputError, match="'kappa' is None"):
+        write_grasps(tmp_path / "x.toml", [ReferenceGrasp(grasp, "", agreement={"kappa": None})])  # type: ignore[dict-item]
+    assert not (tmp_path / "x.toml").exists()
+    assert len(GraspTable([])) == 0

@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from campaign_script import make_requests
+
+import graspcast.errors
+from graspcast.errors import ExtraMissingError
+from graspcast.grasping.campaign import Progress, run_campaign
+from graspcast.grasping.executors import LocalExecutor, RayExecutor
+from graspcast.grasping.grasps import read_grasps
+from graspcast.grasping.work import load_pairs
+
+# Ray itself leaves sockets and processes to the garbage collector.
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.filterwarnings("ignore::FutureWarning"),
+    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
+]
+
+
+@pytest.fixture
+def cluster(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    ray = pytest.importorskip("ray", reason="the extra 'ray' is not installed")
+    from ray.cluster_utils import Cluster
+
+    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    source = str(Path(graspcast.errors.__file__).parents[1])
+    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+    made.add_node(num_cpus=1)
+    ray.init(
+        address=made.address,
+        runtime_env={"env_vars": {"PYTHONPATH": source}},
+        log_to_driver=False,
+    )
+    yield made
+    ray.shutdown()
+    made.shutdown()
+
+
+def test_a_node_killed_in_mid_run_loses_nothing(cluster: Any, tmp_path: Path) -> None:
+    requests = make_requests(192)
+    pairs = load_pairs(requests, read_grasps())
+    alive: list[int] = []
+
+    def watch(progress: Progress) -> None:
+        import ray
+
+        if progress.done >= 32 and not alive:
+            alive.append(len(cluster.list_all_nodes()))
+            second = next(iter(cluster.worker_nodes))
+            # A kill, not a farewell: the trials that it was at are lost with it.
+            cluster.remove_node(second, allow_graceful=False)
+            end = time.monotonic() + 60
+            while sum(node["Alive"] for node in ray.nodes()) > 1 and time.monotonic() < end:
+                time.sleep(0.1)
+            alive.append(sum(node["Alive"] for node in ray.nodes()))
+
+    outcomes = run_campaign(
+        requests, pairs, tmp_path / "ray", executor=RayExecutor(), progress=watch
+    )
+    assert alive == [2, 1]
+    local = run_campaign(requests, pairs, tmp_path / "local", executor=LocalExecutor(1))
+    assert outcomes.drop("computed_s").equals(local.drop("computed_s"))
+
+
+def test_without_ray_the_message_has_the_pip_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "ray", None)
+    with pytest.raises(ExtraMissingError, match=r"pip install 'graspcast\[ray\]'"):
+        RayExecutor()

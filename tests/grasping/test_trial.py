@@ -1,0 +1,360 @@
+"""One trial: the change of frame, every reason that it can end for, and that it repeats."""
+
+from __future__ import annotations
+
+import math
+import random
+import threading
+from collections.abc import Iterator
+from dataclasses import fields, replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from jaxtyping import Float
+from numpy import ndarray
+from solids import IDENTITY, box, cylinder, errors, from_above, raised, sphere
+
+from graspcast.errors import InputError, MismatchError
+from graspcast.geometry import exp, transform
+from graspcast.grasping import trial as trial_module
+from graspcast.grasping.grippers import FrankaHand, TendonHand, load_gripper
+from graspcast.grasping.trial import REASONS, Outcome, TrialRunner, TrialSettings
+from graspcast.grasping.types import Grasp, GraspObject, Primitive
+
+HEIGHTS = {"parallel": 0.025, "underactuated": 0.005}
+GRIPPERS = sorted(HEIGHTS)
+
+
+def setup(
+    gripper: str, target: GraspObject, height: float | None = None, **settings: object
+) -> tuple[TrialRunner, Grasp]:
+    """A runner and a grasp from above."""
+    lying = bool(target.sim_T_ref[0, 2])
+    at = HEIGHTS[gripper] if height is None else height
+    runner = TrialRunner(target, load_gripper(gripper), replace(TrialSettings(), **settings))
+    return runner, Grasp(from_above(target, at, along_y=lying), target.name, gripper)
+
+
+def moved(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Float[ndarray, "4 4"]:
+    return transform(np.eye(3), np.array([x, y, z]))
+
+
+def timeless(outcome: Outcome) -> str:
+    """Everything but the computing time, to the last bit."""
+    return repr(replace(outcome, computed_s=0.0))
+
+
+@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize(
+    "target", [cylinder(), box(), box(mesh=True)], ids=["cylinder", "box", "mesh"]
+)
+def test_a_perfect_estimate_is_held(gripper: str, target: GraspObject) -> None:
+    runner, grasp = setup(gripper, target)
+    outcome = runner.run(IDENTITY, grasp)
+    assert (outcome.success, outcome.reason) == (True, "held")
+    assert outcome.offset_m < 0.02
+    assert outcome.simulated_s == pytest.approx(outcome.steps * runner.settings.timestep)
+
+
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_the_tool_centre_point_goes_to_the_grasp_carried_over_to_the_estimate(gripper: str) -> None:
+    target = cylinder(lying=True)
+    runner, grasp = setup(gripper, target, 0.3)
+    (obj_T_est,) = errors(np.random.default_rng(3), 1, 0.02, 0.2)
+    sim_T_tcp = target.sim_T_ref @ obj_T_est @ grasp.obj_T_grasp
+    places = []
+
+    def record(model: object, data: mujoco.MjData, phase: str) -> None:
+        base = data.body(runner.scene.base_body)
+        sim_T_base = transform(base.xmat.reshape(3, 3).copy(), base.xpos.copy())
+        places.append((phase, sim_T_base @ runner.gripper.base_T_tcp))
+
+    runner.run(obj_T_est, grasp, record=record, early_stop=False)
+    before = sim_T_tcp @ moved(z=-runner.settings.standoff_m)
+    np.testing.assert_allclose(places[0][1], before, atol=1e-9)
+    grasped = next(place for phase, place in places if phase == "close")
+    # The hand weighs on its stiff arm: some tens of micrometres.
+    np.testing.assert_allclose(grasped, sim_T_tcp, atol=2e-4)
+    lifted = places[-1][1] - grasped
+    np.testing.assert_allclose(lifted[:3, :3], 0.0, atol=1e-9)
+    np.testing.assert_allclose(lifted[:3, 3], [0, 0, runner.settings.lift_height_m], atol=3e-3)
+
+
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_a_hand_that_starts_in_the_object_or_the_table_is_blocked(gripper: str) -> None:
+    runner, grasp = setup(gripper, box(z=0.3), 0.0)
+    for error in (moved(z=-0.1), moved(z=-0.6), moved(x=0.5, z=-0.6)):
+        outcome = runner.run(error, grasp)
+        assert (outcome.reason, outcome.success, outcome.steps) == ("blocked", False, 0)
+        assert math.isnan(outcome.offset_m)
+
+
+def test_where_the_table_does_not_stop_the_hand_it_does_not_block_it() -> None:
+    runner, grasp = setup("parallel", box(), hand_touches_table=False)
+    outcome = runner.run(moved(x=0.5, z=-0.6), grasp)
+    assert outcome.reason == "missed"
+
+
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_an_estimate_out_of_reach_is_missed_without_simulating_and_rightly_so(gripper: str) -> None:
+    runner, grasp = setup(gripper, box())
+    for error in (moved(x=3.0), moved(z=0.5)):
+        quick, full = (runner.run(error, grasp, early_stop=stop) for stop in (True, False))
+        assert (quick.reason, quick.steps, full.reason) == ("missed", 0, "missed")
+        assert quick.offset_m == pytest.approx(full.offset_m, abs=3e-3)
+        assert full.steps > runner.settings.lift_s / runner.settings.timestep
+
+
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_closing_beside_the_object_is_missed(gripper: str) -> None:
+    runner, grasp = setup(gripper, box(0.03, 0.03, 0.06))
+    outcomes = [runner.run(moved(y=-0.12), grasp, early_stop=stop) for stop in (True, False)]
+    assert [outcome.reason for outcome in outcomes] == ["missed", "missed"]
+    assert outcomes[0].offset_m == pytest.approx(outcomes[1].offset_m, abs=3e-3)
+
+
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_what_is_too_slippery_is_dropped(gripper: str) -> None:
+    runner, grasp = setup(gripper, box(friction=0.01))
+    outcome = runner.run(IDENTITY, grasp)
+    assert outcome.reason == "dropped"
+    assert outcome.offset_m > runner.settings.tolerance_m
+
+
+def nail() -> GraspObject:
+    """A slippery shaft, 12 cm long, whose head catches on the fingers."""
+    shaft = Primitive("box", (0.012, 0.012, 0.06), np.eye(4))
+    head = Primitive("box", (0.035, 0.035, 0.005), raised(0.065))
+    return replace(box(friction=0.01), name="nail", pieces=(shaft, head), sim_T_ref=raised(0.06))
+
+
+def test_what_slides_too_far_and_is_caught_has_slipped() -> None:
+    gripper = FrankaHand()
+    runner = TrialRunner(nail(), gripper)
+    # From the side, near the foot; the fingers close along y.
+    obj_T_grasp = transform(np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]]), np.array([0, 0, -0.02]))
+    for stop in (True, False):
+        outcome = runner.run(IDENTITY, Grasp(obj_T_grasp, "nail", "parallel"), early_stop=stop)
+        assert outcome.reason == "slipped"
+        # Pads of 8.5 mm half height, from 2 cm under the middle to the head at 6 cm.
+        assert outcome.offset_m == pytest.approx(0.02 + 0.06 - 0.0085, abs=2e-3)
+
+
+def test_a_simulation_that_blows_up_is_unstable_and_the_next_trial_is_as_ever(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    runner, grasp = setup("parallel", box())
+    sound = runner.run(IDENTITY, grasp)
+    for value in (math.nan, math.inf, 1e9):
+
+        def sabotage(model: object, data: mujoco.MjData, phase: str, v: float = value) -> None:
+            if phase == "close":
+                data.qvel[0] = v
+
+        outcome = runner.run(IDENTITY, grasp, record=sabotage)
+        assert (outcome.success, outcome.reason) == (False, "unstable")
+        assert math.isnan(outcome.offset_m)
+        assert timeless(runner.run(IDENTITY, grasp)) == timeless(sound)
+    assert list(tmp_path.iterdir()) == [], "nothing is logged into the working directory"
+
+
+def sample(gripper: str, count: int) -> Iterator[tuple[TrialRunner, Float[ndarray, "4 4"], Grasp]]:
+    """Trials of easy and hard objects with small and large errors."""
+    rng = np.random.default_rng(11)
+    slippery = {"parallel": 0.15, "underactuated": 0.3}[gripper]
+    targets = [
+        (cylinder(), None),
+        (cylinder(lying=True), 0.0),
+        (box(0.05, 0.11, 0.15, mass_kg=0.6, mesh=True), 0.05),
+        (box(friction=slippery), None),
+        (cylinder(friction=slippery, mass_kg=0.8), None),
+        (sphere(0.06), 0.0),
+    ]
+    for target, height in targets:
+        runner, grasp = setup(gripper, target, height)
+        for error in errors(rng, math.ceil(count / len(targets)), 0.018, 0.18):
+            yield runner, error, grasp
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_stopping_early_gives_the_label_of_the_full_lift(gripper: str) -> None:
+    seen: dict[str, int] = dict.fromkeys(REASONS, 0)
+    saved = 0
+    for runner, error, grasp in sample(gripper, 210):
+        full = runner.run(error, grasp, early_stop=False)
+        quick = runner.run(error, grasp)
+        assert (quick.success, quick.reason) == (full.success, full.reason), error
+        if full.success:
+            assert quick.offset_m == pytest.approx(full.offset_m, abs=5e-3)
+        seen[full.reason] += 1
+        saved += full.steps - quick.steps
+    assert min(seen["held"], seen["dropped"], seen["missed"]) >= 10, seen
+    assert saved > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_a_slow_slip_is_followed_to_its_end(gripper: str) -> None:
+    # Without no-slip iterations and at low impedance friction creeps, some of it past 5 cm.
+    decided = []
+    for mass in (0.35, 1.0, 2.0, 3.0):
+        for impratio in (0.02, 0.05, 0.2):
+            target = box(mass_kg=mass)
+            runner, grasp = setup(gripper, target, impratio=impratio, noslip_iterations=0)
+            full = runner.run(IDENTITY, grasp, early_stop=False)
+            assert runner.run(IDENTITY, grasp).reason == full.reason
+            decided.append(full.reason)
+    assert len(set(decided)) > 1, decided
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_the_free_part_of_the_approach_has_no_consequence(
+    gripper: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trials = list(sample(gripper, 60))
+    skipped = [runner.run(error, grasp) for runner, error, grasp in trials]
+    from_afar = lambda self: -self.settings.standoff_m  # noqa: E731
+    monkeypatch.setattr(trial_module._Trial, "_clear_until", from_afar)
+    whole = [runner.run(error, grasp) for runner, error, grasp in trials]
+    assert sum(o.steps for o in whole) > sum(o.steps for o in skipped)
+    differing = [k for k in range(60) if whole[k].success != skipped[k].success]
+    assert len(differing) <= 1, "beyond chaos at the boundary, nothing changes"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_nothing_tunnels(gripper: str) -> None:
+    deepest = []
+
+    def record(model: object, data: mujoco.MjData, phase: str) -> None:
+        if data.ncon:
+            deepest.append(-float(data.contact.dist.min()))
+
+    for runner, error, grasp in sample(gripper, 48):
+        runner.run(error, grasp, record=record)
+    # The thinnest part of either hand is 8 mm: a pad's half depth, a capsule's radius 12 mm.
+    assert 0.0 < max(deepest) < 4e-3
+
+
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_a_trial_repeats_bit_by_bit_in_any_order_in_any_runner_and_when_watched(
+    gripper: str,
+) -> None:
+    target = cylinder()
+    runner, grasp = setup(gripper, target)
+    trials = [*errors(np.random.default_rng(1), 12, 0.015, 0.15), moved(z=-0.3), moved(x=2.0)]
+    once = [timeless(runner.run(error, grasp)) for error in trials]
+    order = list(range(len(trials)))
+    random.Random(5).shuffle(order)
+    for k in order:
+        assert timeless(runner.run(trials[k], grasp)) == once[k]
+    fresh, _ = setup(gripper, target)
+    for k in order[:5]:
+        assert timeless(fresh.run(trials[k], grasp, record=lambda *_: None)) == once[k]
+    assert len(set(once)) > 5
+
+
+def test_runners_in_two_threads_do_not_disturb_each_other() -> None:
+    trials = errors(np.random.default_rng(2), 6, 0.015, 0.15)
+    runners = [setup(name, cylinder()) for name in GRIPPERS]
+    alone = [[timeless(r.run(e, g)) for e in trials] for r, g in runners]
+    together: dict[int, list[str]] = {}
+
+    def work(k: int) -> None:
+        runner, grasp = runners[k]
+        together[k] = [timeless(runner.run(error, grasp)) for error in trials]
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(len(runners))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [together[k] for k in range(len(runners))] == alone
+
+
+def test_a_watcher_sees_the_phases_in_order_at_even_times() -> None:
+    runner, grasp = setup("parallel", box())
+    seen: list[tuple[str, float]] = []
+    runner.run(IDENTITY, grasp, record=lambda model, data, phase: seen.append((phase, data.time)))
+    phases = [phase for phase, _ in seen]
+    assert list(dict.fromkeys(phases)) == ["approach", "close", "lift"]
+    times = np.array([time for _, time in seen])
+    assert np.all(np.diff(times) >= 0)
+    assert np.diff(times).max() <= 0.02 + 1e-9
+
+
+def test_wrong_input_is_named() -> None:
+    runner, grasp = setup("parallel", box())
+    with pytest.raises(InputError, match="estimate of 'box' must be a finite"):
+        runner.run(np.full((4, 4), math.nan), grasp)
+    with pytest.raises(InputError, match="must be a rigid transform"):
+        runner.run(np.diag([1.0, 1.0, 2.0, 1.0]), grasp)
+    with pytest.raises(MismatchError, match="for the object 'mug', the trial for 'box'"):
+        runner.run(IDENTITY, replace(grasp, object="mug"))
+    with pytest.raises(MismatchError, match="for the gripper 'claw', the trial for 'parallel'"):
+        runner.run(IDENTITY, replace(grasp, gripper="claw"))
+
+
+def test_an_object_that_does_not_rest_is_refused() -> None:
+    tilted = raised(0.07) @ exp(np.array([0, 0, 0, 0.4, 0, 0]))
+    for pose in (raised(0.2), raised(-0.1), tilted):
+        with pytest.raises(MismatchError, match="does not rest in its reference pose"):
+            TrialRunner(replace(nail(), sim_T_ref=pose), FrankaHand())
+
+
+def test_impossible_objects_are_refused() -> None:
+    for wrong, message in (
+        ({"mass_kg": 0.0}, "its mass is 0.0 kg"),
+        ({"mass_kg": math.nan}, "its mass is nan kg"),
+        ({"friction": -0.1}, "its friction is -0.1"),
+        ({"pieces": ()}, "no collision piece"),
+        ({"inertia": np.zeros((3, 3))}, "not positive definite"),
+        ({"sim_T_ref": np.full((4, 4), math.nan)}, "reference pose must be a finite"),
+    ):
+        with pytest.raises(InputError, match=message):
+            replace(box(), **wrong)
+
+
+def test_settings_that_cannot_work_are_refused() -> None:
+    for wrong, message in (
+        ({"timestep": 0.0}, "timestep is 0.0; it must be > 0"),
+        ({"settle_s": -1.0}, "settle_s is -1.0"),
+        ({"timestep": 0.008}, "below twice the timestep"),
+        ({"lift_speed": 0.001}, "too low to tell a failure"),
+        ({"lift_ramp_s": 20.0}, "must be below lift_s"),
+    ):
+        with pytest.raises(InputError, match=message):
+            replace(TrialSettings(), **wrong)
+
+
+def test_every_setting_is_in_the_digest() -> None:
+    settings = TrialSettings()
+    other = {"integrator": "euler", "cone": "pyramidal", "condim": 3, "hand_touches_table": False}
+    other |= {"solref": (0.012, 1.0), "solimp": (0.9, 0.95, 0.001)}
+    digests = {settings.digest()}
+    for field in fields(settings):
+        value = other.get(field.name) or getattr(settings, field.name) * 1.5
+        if field.name == "hand_touches_table":
+            value = False
+        digests.add(replace(settings, **{field.name: value}).digest())
+    assert len(digests) == 1 + len(fields(settings))
+    assert TrialSettings().digest() == settings.digest()
+
+
+def test_a_runner_s_digest_follows_object_gripper_and_settings() -> None:
+    digests = [
+        TrialRunner(box(), FrankaHand()).digest,
+        TrialRunner(box(mass_kg=0.4), FrankaHand()).digest,
+        TrialRunner(box(friction=0.7), FrankaHand()).digest,
+        TrialRunner(box(mesh=True), FrankaHand()).digest,
+        TrialRunner(box(), FrankaHand(grip_n=50.0)).digest,
+        TrialRunner(box(), TendonHand()).digest,
+        TrialRunner(box(), FrankaHand(), TrialSettings(impratio=5.0)).digest,
+    ]
+    assert len(set(digests)) == len(digests)
+    assert TrialRunner(box(), FrankaHand()).digest == digests[0]
