@@ -10,7 +10,7 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait as wait_for
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from graspcast.errors import ExtraMissingError, InputError, WorkerLostError
 from graspcast.grasping.trial import Outcome
@@ -22,6 +22,7 @@ Pairs = Mapping[tuple[str, str], Pair]
 Done = tuple[Chunk, list[Outcome]]
 
 
+@runtime_checkable
 class Executor(Protocol):
     """Computes chunks of trials, in any order."""
 
