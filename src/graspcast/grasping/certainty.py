@@ -36,7 +36,7 @@ def beyond_reach(scene: Scene, start: Float[ndarray, " 3"], end: Float[ndarray, 
     length = float(along @ along)
     nearest = np.clip((centre[:2] - start[:2]) @ along / length, 0.0, 1.0) if length > 0 else 0.0
     sideways = float(np.linalg.norm(centre[:2] - start[:2] - nearest * along))
-    return sideways > reach or min(start[2], end[2]) - centre[2] > reach
+    return bool(sideways > reach or min(start[2], end[2]) - centre[2] > reach)
 
 
 def left_behind_m(
