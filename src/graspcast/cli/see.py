@@ -58,7 +58,10 @@ def add_verbs(verbs: Verbs) -> None:
         "--full", action="store_true", help="the whole lift, not only until the outcome is certain"
     )
     verb.add_argument(
-        "--size", metavar="WxH", type=_size, default=(640, 480), help="pixels (default: 640x480)"
+        "--size",
+        metavar="WxH",
+        type=_size,
+        help="pixels of a picture (default: 640x480, in a strip 400x480)",
     )
     verb.add_argument("--out", metavar="PATH", type=Path, help=".mp4, .gif, or .png for a strip")
 
@@ -161,7 +164,8 @@ def _draw(
     from graspcast.grasping.pictures import save_film, save_strip
     from graspcast.grasping.render import SceneRenderer
 
-    width, height = options.size
+    strip = options.out.suffix.lower() == ".png"
+    width, height = options.size or ((400, 480) if strip else (640, 480))
     with SceneRenderer(
         runner.grasp_object,
         runner.gripper,
@@ -169,7 +173,7 @@ def _draw(
         height=height,
         collision=options.collision,
     ) as renderer:
-        if options.out.suffix.lower() == ".png":
+        if strip:
             save_strip(options.out, recording, renderer, title)
             return
         with progress_bar("drawing") as move:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.geometry import quaternion, transform_points
+from graspcast.geometry import quaternion
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.recording import State
 from graspcast.grasping.types import ConvexPiece, GraspObject
@@ -19,9 +19,7 @@ FOVY_DEG = 25.0
 """The camera's vertical field of view."""
 
 _OBJECT, _ESTIMATE = (0.93, 0.60, 0.20, 1.0), (0.10, 0.78, 0.25, 0.40)
-_WHITE, _LINE = (0.97, 0.97, 0.97), (0.78, 0.79, 0.80)
-_SAME_M = 5e-4
-"""An estimate that puts no point of the object farther off than this is not drawn over it."""
+_WHITE, _LINE = (0.97, 0.97, 0.97), (0.66, 0.67, 0.68)
 _AWAY = np.eye(4)
 _AWAY[2, 3] = -100.0
 
@@ -64,13 +62,6 @@ class Appearance:
         """Bring the model into a state, and show the estimate where one is given."""
         import mujoco
 
-        if sim_T_est is not None:
-            apart = transform_points(sim_T_est, self.object_corners) - transform_points(
-                state.sim_T_obj, self.object_corners
-            )
-            # Two surfaces in one place flicker.
-            if np.linalg.norm(apart, axis=1).max() < _SAME_M:
-                sim_T_est = None
         for name, pose in (
             ("object", state.sim_T_obj),
             ("hand", state.sim_T_base),
@@ -140,7 +131,7 @@ def _model(
     )
     # Lines every 100 mm.
     table = spec.add_material(
-        name="table", texrepeat=(10, 10), texuniform=True, specular=0, emission=0.35
+        name="table", texrepeat=(10, 10), texuniform=True, specular=0, emission=0.12
     )
     table.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
     spec.worldbody.add_geom(

@@ -49,7 +49,7 @@ def strip_states(recording: Recording) -> list[tuple[str, State]]:
         out.append(("closed", close[-1]))
     if lift:
         risen = [s.sim_T_base[2, 3] - lift[0].sim_T_base[2, 3] for s in lift]
-        if risen[-1] > _LIFTED_M:
+        if risen[-1] > 1.5 * _LIFTED_M:
             first = int(np.argmax(np.array(risen) >= _LIFTED_M))
             out.append((f"lifted {_length(risen[first])}", lift[first]))
         out.append((f"end, lifted {_length(risen[-1])}", lift[-1]))
@@ -68,16 +68,15 @@ def save_strip(
     image_module, draw_module = pillow()
     views = dict(zip(map(id, recording.states), renderer.views(recording), strict=True))
     moments = strip_states(recording)
-    width, height, line = renderer.width, renderer.height, 30
-    sheet = image_module.new("RGB", (width * len(moments), height + 2 * line), PAPER)
+    width, height, line = renderer.width, renderer.height, 26
+    sheet = image_module.new("RGB", (width * len(moments), height + 3 * line), PAPER)
     draw = draw_module.Draw(sheet)
     for k, (name, state) in enumerate(moments):
-        estimate = recording.sim_T_est if state.phase != "lift" else None
-        pixels = renderer.image(state, views[id(state)], estimate)
-        sheet.paste(image_module.fromarray(pixels), (k * width, line))
-        write(draw, (k * width + width // 2, line + height + line // 2), name, 16, FAINT, "mm")
+        pixels = renderer.image(state, views[id(state)], recording.overlay(state))
+        sheet.paste(image_module.fromarray(pixels), (k * width, 2 * line))
+        write(draw, (k * width + width // 2, 2 * line + height + line // 2), name, 16, FAINT, "mm")
     write(draw, (10, line // 2), title, 17, INK, "lm")
-    write_outcome(draw, (sheet.width - 10, line // 2), recording.outcome, 17, "rm")
+    write_outcome(draw, (10, line + line // 2), recording.outcome, 17, "lm")
     save_png(path, sheet)
 
 
@@ -103,8 +102,7 @@ def save_film(
     def frames() -> Iterator[UInt8[ndarray, "h w 3"]]:
         for k, state in enumerate(states):
             last = k == len(states) - 1
-            estimate = recording.sim_T_est if state.phase != "lift" else None
-            pixels = renderer.image(state, views[id(state)], estimate)
+            pixels = renderer.image(state, views[id(state)], recording.overlay(state))
             frame = _captioned(pixels, title, state.phase, recording.outcome if last else None)
             if progress is not None:
                 progress((k + 1) / len(states))
@@ -143,9 +141,9 @@ def _captioned(
     draw = draw_module.Draw(image)
     write(draw, (10, 16), title, 15, INK, "lm")
     if outcome is None:
-        write(draw, (image.width - 10, 16), phase, 15, FAINT, "rm")
+        write(draw, (10, 38), phase, 15, FAINT, "lm")
     else:
-        write_outcome(draw, (image.width - 10, 16), outcome, 15, "rm")
+        write_outcome(draw, (10, 38), outcome, 15, "lm")
     return np.asarray(image)
 
 

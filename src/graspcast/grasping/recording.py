@@ -9,13 +9,14 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.geometry import transform
+from graspcast.geometry import invert, rotation_angle, transform
 from graspcast.grasping.trial import Outcome, TrialRunner
 from graspcast.grasping.types import Grasp
 
 __all__ = ["Recording", "State", "record_trial"]
 
 _FARTHEST_M = 20.0
+_SAME_M, _SAME_RAD = 5e-4, 5e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,16 @@ class Recording:
     def of(self, phase: str) -> tuple[State, ...]:
         """The states of a phase; none if the trial ended before it."""
         return tuple(state for state in self.states if state.phase == phase)
+
+    def overlay(self, state: State) -> Float[ndarray, "4 4"] | None:
+        """Where the estimate is to be drawn over a state, if it is.
+
+        Not in the lift, which it has nothing to say about, and not where it is as good as perfect:
+        two surfaces in one place flicker.
+        """
+        off = invert(self.states[0].sim_T_obj) @ self.sim_T_est
+        apart = np.linalg.norm(off[:3, 3]) > _SAME_M or rotation_angle(off[:3, :3]) > _SAME_RAD
+        return self.sim_T_est if apart and state.phase != "lift" else None
 
     def every(self, seconds: float) -> list[State]:
         """The last state before each of equally spaced times, and the last of all."""

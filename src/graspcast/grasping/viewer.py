@@ -54,7 +54,7 @@ def replay(
     from mujoco import viewer
 
     seen = Appearance(grasp_object, gripper, collision=collision)
-    seen.pose(recording.states[0], recording.sim_T_est)
+    seen.pose(recording.states[0])
     try:
         window = viewer.launch_passive(
             seen.model, seen.data, show_left_ui=False, show_right_ui=False
@@ -77,7 +77,7 @@ def _play_once(recording: Recording, seen: Appearance, window: Any) -> None:
         if not window.is_running():
             return
         with window.lock():
-            seen.pose(state, recording.sim_T_est if state.phase != "lift" else None)
+            seen.pose(state, recording.overlay(state))
         window.sync()
         ahead = state.time_s - recording.states[0].time_s - (time.perf_counter() - started)
         time.sleep(max(0.0, ahead))
