@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float
     from numpy import ndarray
 
+    from graspcast.grasping.catalogue import ObjectEntry
     from graspcast.grasping.recording import Recording
     from graspcast.grasping.trial import TrialRunner
 
@@ -116,7 +117,7 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _watch(options: argparse.Namespace) -> None:
-    from graspcast.grasping.render import choose_gl
+    from graspcast.grasping.gl import choose_gl
 
     if options.out is None:
         from graspcast.grasping.viewer import check_display
@@ -138,7 +139,7 @@ def _watch(options: argparse.Namespace) -> None:
     name = catalogue[options.object].name
     gripper = load_gripper(options.gripper)
     reference = read_grasps(options.grasps)(name, gripper.name)
-    obj_T_est = _estimate(options, name)
+    obj_T_est = _estimate(options, catalogue[name])
     target = load_object(name, bop_dirs=_bop_dirs(options), catalogue=catalogue)
     runner = TrialRunner(reference.applied_to(target), gripper)
     recording = record_trial(runner, obj_T_est, reference.grasp, early_stop=not options.full)
@@ -184,7 +185,7 @@ def _bop_dirs(options: argparse.Namespace) -> dict[str, Path]:
     return {name or root.resolve().name: root for name, root in options.bop}
 
 
-def _estimate(options: argparse.Namespace, name: str) -> Float[ndarray, "4 4"]:
+def _estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray, "4 4"]:
     """``obj_T_est`` as the options say: perfect, off by ``--offset``, or from a results CSV."""
     import numpy as np
 
@@ -204,10 +205,10 @@ def _estimate(options: argparse.Namespace, name: str) -> Float[ndarray, "4 4"]:
             "to try an estimate of a results CSV, give --estimates once, --bop for its ground "
             "truth, and --image SCENE/IMAGE"
         )
-    return _read_estimate(options, name)
+    return _read_estimate(options, entry)
 
 
-def _read_estimate(options: argparse.Namespace, name: str) -> Float[ndarray, "4 4"]:
+def _read_estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray, "4 4"]:
     import numpy as np
 
     from graspcast.estimates import instance_numbers
@@ -215,23 +216,31 @@ def _read_estimate(options: argparse.Namespace, name: str) -> Float[ndarray, "4 
     from graspcast.inputs import load_inputs
     from graspcast.truth import match
 
-    inputs = load_inputs(options.estimates, bop=options.bop, ground_truth=options.ground_truth)
+    if entry.obj_id is None:
+        raise InputError(f"object {entry.name} is of no BOP dataset, so no results CSV is about it")
+    name = f"{entry.dataset}-{entry.obj_id}"
+    inputs = load_inputs(
+        options.estimates, bop=options.bop, ground_truth=options.ground_truth, objects=[name]
+    )
     ((dataset, tables),) = inputs.results.items()
     (results,) = tables.values()
     truth = inputs.datasets[dataset].ground_truth
     scene_id, im_id = options.image
-    here = (results.scene_id == scene_id) & (results.im_id == im_id)
-    numbered = np.array([f"{dataset}-{obj_id}" for obj_id in results.obj_id], dtype=object)
-    rows = np.flatnonzero(here & (numbered == name))
-    if not len(rows):
-        found = ", ".join(sorted(set(numbered[here]))) or "none"
+    rows = np.flatnonzero((results.scene_id == scene_id) & (results.im_id == im_id))
+    if dataset != entry.dataset or not len(rows):
+        where = zip(results.scene_id.tolist(), results.im_id.tolist(), strict=True)
+        others = [f"{scene}/{image}" for scene, image in sorted(set(where))]
+        known = ", ".join([*others[:5], *(["…"] if len(others) > 5 else [])]) or "no image"
         raise InputError(
-            f"{results.source}: no estimate of {name} in image {scene_id}/{im_id}; of other "
-            f"objects there: {found}"
+            f"{results.source}: no estimate of {name} in image {scene_id}/{im_id}; it has one in "
+            f"{known}"
         )
     row = rows[instance_numbers(results)[rows] == options.instance]
     if not len(row):
-        raise InputError(f"--instance {options.instance}: image {scene_id}/{im_id} has {len(rows)}")
+        raise InputError(
+            f"--instance {options.instance}: image {scene_id}/{im_id} has {len(rows)} of {name}, "
+            "counted from 0"
+        )
     matched = match(results, truth)[row[0]]
     if matched < 0:
         raise InputError(
@@ -243,7 +252,7 @@ def _read_estimate(options: argparse.Namespace, name: str) -> Float[ndarray, "4 
 
 
 def _grasps(options: argparse.Namespace) -> None:
-    from graspcast.grasping.render import choose_gl
+    from graspcast.grasping.gl import choose_gl
 
     choose_gl()
     from graspcast.grasping.catalogue import read_catalogue

@@ -117,7 +117,14 @@ def _timed(
         return float(np.linalg.norm(seen[k][3][:3, 3] - start)) / speed
 
     physical = next((k for k, state in enumerate(seen) if state[1] > 0), None)
-    begin = np.inf if physical is None else way(physical) - seen[physical][1]
+    begin = np.inf if physical is None else way(physical)
+    if physical is not None and seen[physical][0] == "approach":
+        begin -= seen[physical][1]
     times = [way(k) if state[1] == 0 else begin + state[1] for k, state in enumerate(seen)]
-    kept = [k for k, state in enumerate(seen) if state[1] > 0 or times[k] <= begin]
+    kept: list[int] = []
+    for k, state in enumerate(seen):
+        reached = state[1] > 0 or times[k] <= begin + 1e-9
+        # The pre-grasp is looked at twice.
+        if reached and (not kept or times[k] > times[kept[-1]]):
+            kept.append(k)
     return tuple(State(seen[k][0], times[k], *seen[k][2:]) for k in kept)

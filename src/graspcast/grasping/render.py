@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import platform
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,79 +9,16 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from numpy import ndarray
 
-from graspcast.errors import ExtraMissingError, InputError
 from graspcast.geometry import transform_points
 from graspcast.grasping.appearance import FOVY_DEG, Appearance
+from graspcast.grasping.gl import choose_gl, open_context
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.recording import Recording, State
 from graspcast.grasping.types import GraspObject
 
-__all__ = ["SceneRenderer", "View", "choose_gl"]
+__all__ = ["SceneRenderer", "View"]
 
 _MARGIN = 1.06
-_BACKENDS = ("egl", "osmesa", "glfw")
-
-
-def choose_gl() -> str:
-    """Have MuJoCo draw without a display, unless the user has set ``MUJOCO_GL``.
-
-    Call it before ``mujoco`` is imported: it refuses to be imported with a value it does not know.
-
-    Returns:
-        The backend on Linux, ``""`` elsewhere, where MuJoCo has its own.
-
-    Raises:
-        InputError: for a value of ``MUJOCO_GL`` that no picture can be drawn with.
-    """
-    if platform.system() != "Linux":
-        return ""
-    name = os.environ.get("MUJOCO_GL", "").strip().lower()
-    if not name:
-        name = os.environ["MUJOCO_GL"] = "egl"
-    if name not in _BACKENDS:
-        raise InputError(
-            f"the environment variable MUJOCO_GL is {name!r}, with which no picture can be drawn; "
-            f"unset it, or set it to one of {', '.join(_BACKENDS)}"
-        )
-    return name
-
-
-def _gl_context(width: int, height: int) -> Any:
-    """An OpenGL context that is current.
-
-    The backend is imported here, whatever MuJoCo has chosen when it was imported, which may have
-    been before :func:`choose_gl`.
-    """
-    name = choose_gl()
-    try:
-        if name == "egl":
-            from mujoco.egl import GLContext
-        elif name == "osmesa":
-            from mujoco.osmesa import GLContext
-        elif name == "glfw":
-            from mujoco.glfw import GLContext
-        else:
-            from mujoco.rendering.classic.gl_context import GLContext
-        context = GLContext(width, height)
-        context.make_current()
-    except Exception as error:  # each backend and driver fails in its own way
-        package = getattr(error, "name", None) or ""
-        if isinstance(error, ModuleNotFoundError) and package.split(".")[0] in ("OpenGL", "glfw"):
-            raise ExtraMissingError(
-                "glfw" if package == "glfw" else "pyopengl", "render"
-            ) from error
-        other = "osmesa" if name == "egl" else "egl"
-        remedy = (
-            f"install the system's EGL (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri) or "
-            f"OSMesa (apt install libosmesa6), or try MUJOCO_GL={other}"
-            if name
-            else "is there a graphics driver?"
-        )
-        raise InputError(
-            f"cannot draw: OpenGL{' by ' + name.upper() if name else ''} does not work here "
-            f"({type(error).__name__}: {error}); {remedy}"
-        ) from error
-    return context
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +66,7 @@ class SceneRenderer:
         self._seen = Appearance(
             grasp_object, gripper, collision=collision, width=width, height=height
         )
-        self._context = _gl_context(width, height)
+        self._context = open_context(width, height)
         self._scene = mujoco.MjvScene(self._seen.model, maxgeom=2000)
         self._mjr = mujoco.MjrContext(self._seen.model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr)
