@@ -283,6 +283,8 @@ def test_a_published_estimate_is_watched(
         ({"MUJOCO_GL": "vulkan"}, ["MUJOCO_GL", "'vulkan'", "egl, osmesa"]),
         # A device that is not there is a real EGL that does not work.
         ({"MUJOCO_EGL_DEVICE_ID": "99"}, ["EGL", "OSMesa", "libegl1"]),
+        # PyOpenGL is told to look elsewhere than OSMesa: the same as a library that is not there.
+        ({"MUJOCO_GL": "osmesa", "PYOPENGL_PLATFORM": "egl"}, ["OSMESA", "libosmesa6", "=egl"]),
     ],
 )
 @pytest.mark.skipif(sys.platform != "linux", reason="EGL and OSMesa are Linux's")

@@ -117,14 +117,13 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _watch(options: argparse.Namespace) -> None:
-    from graspcast.grasping.gl import choose_gl
+    from graspcast.grasping.gl import import_mujoco
 
+    import_mujoco()
     if options.out is None:
         from graspcast.grasping.viewer import check_display
 
         check_display()
-    else:
-        choose_gl()
     from graspcast.grasping.catalogue import read_catalogue
     from graspcast.grasping.grasps import read_grasps
     from graspcast.grasping.grippers import load_gripper
@@ -252,9 +251,9 @@ def _read_estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[nda
 
 
 def _grasps(options: argparse.Namespace) -> None:
-    from graspcast.grasping.gl import choose_gl
+    from graspcast.grasping.gl import import_mujoco
 
-    choose_gl()
+    import_mujoco()
     from graspcast.grasping.catalogue import read_catalogue
     from graspcast.grasping.contact_sheet import draw_cells, save_sheet
     from graspcast.grasping.grasps import read_grasps

@@ -1,34 +1,43 @@
-"""OpenGL without a display. Nothing here imports MuJoCo before its backend is chosen."""
+"""OpenGL without a display."""
 
 from __future__ import annotations
 
+import importlib
 import os
 import platform
+import sys
 from typing import Any
 
 from graspcast.errors import ExtraMissingError, InputError
 
-__all__ = ["choose_gl", "open_context"]
+__all__ = ["import_mujoco", "open_context"]
 
 _BACKENDS = ("egl", "osmesa", "glfw")
 
 
-def choose_gl() -> str:
-    """Have MuJoCo draw without a display, unless the user has set ``MUJOCO_GL``.
+def import_mujoco() -> None:
+    """Import MuJoCo, if nobody has, without its own search for OpenGL.
 
-    Call it before ``mujoco`` is imported: it refuses to be imported with a value it does not know.
-
-    Returns:
-        The backend on Linux, ``""`` elsewhere, where MuJoCo has its own.
-
-    Raises:
-        InputError: for a value of ``MUJOCO_GL`` that no picture can be drawn with.
+    On Linux that search ends the import where ``MUJOCO_GL`` names what is not there. The backend
+    is for :func:`open_context` to find, when there is something to draw.
     """
+    if platform.system() != "Linux" or "mujoco" in sys.modules:
+        return
+    before = os.environ.get("MUJOCO_GL")
+    os.environ["MUJOCO_GL"] = "disable"
+    try:
+        importlib.import_module("mujoco")
+    finally:
+        del os.environ["MUJOCO_GL"]
+        if before is not None:
+            os.environ["MUJOCO_GL"] = before
+
+
+def _backend() -> str:
+    """On Linux what ``MUJOCO_GL`` says, or EGL; elsewhere ``""``, where MuJoCo has its own."""
     if platform.system() != "Linux":
         return ""
-    name = os.environ.get("MUJOCO_GL", "").strip().lower()
-    if not name:
-        name = os.environ["MUJOCO_GL"] = "egl"
+    name = os.environ.get("MUJOCO_GL", "").strip().lower() or "egl"
     if name not in _BACKENDS:
         raise InputError(
             f"the environment variable MUJOCO_GL is {name!r}, with which no picture can be drawn; "
@@ -38,12 +47,13 @@ def choose_gl() -> str:
 
 
 def open_context(width: int, height: int) -> Any:
-    """An OpenGL context that is current.
+    """An OpenGL context that is current: by EGL, which needs no display, or by ``MUJOCO_GL``.
 
-    The backend is imported here, whatever MuJoCo has chosen when it was imported, which may have
-    been before :func:`choose_gl`.
+    Raises:
+        ExtraMissingError: if PyOpenGL is not installed, or GLFW where it is needed.
+        InputError: if there is no OpenGL to draw with; the message says what to install.
     """
-    name = choose_gl()
+    name = _backend()
     try:
         if name == "egl":
             from mujoco.egl import GLContext

@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from graspcast.geometry import transform_points
 from graspcast.grasping.appearance import FOVY_DEG, Appearance
-from graspcast.grasping.gl import choose_gl, open_context
+from graspcast.grasping.gl import open_context
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.recording import Recording, State
 from graspcast.grasping.types import GraspObject
@@ -58,7 +58,6 @@ class SceneRenderer:
     ):
         self._context: Any = None
         self._mjr: Any = None
-        choose_gl()
         import mujoco
 
         self.width, self.height = width, height
