@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -12,7 +13,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.models import Models
 from graspcast.bop.results import read_results
-from graspcast.consensus import Features, consensus_features, describe, mean_add
+from graspcast.consensus import (
+    FEATURE_SETS,
+    Features,
+    FeatureSet,
+    consensus_features,
+    describe,
+    mean_add,
+)
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates import Estimates, align
 from poses import nudged, random_poses, results_of, write_models
@@ -203,3 +211,20 @@ def test_released_add_differences(data_dir: Path, published: Path) -> None:
         )
         theirs = np.array([table[name, *k] for k in keys])
         assert_allclose(ours, theirs, rtol=tolerance)
+
+
+def test_the_documentation_lists_every_feature() -> None:
+    text = (Path(__file__).parents[1] / "docs" / "features.md").read_text()
+    rows = [line.split("|") for line in text.splitlines() if line.startswith("| `")]
+    documented = {row[1].strip(" `"): (row[2].strip(), row[3].strip()) for row in rows}
+    assert documented == {name: describe(name) for name in documented}
+    columns = {name.split(".")[0] for which in FEATURE_SETS for name in stems(which)}
+    assert set(documented) == columns
+
+
+def stems(which: FeatureSet) -> set[str]:
+    truth = results_of(random_poses(2))
+    with TemporaryDirectory() as folder:
+        models = {"d": Models(write_models(Path(folder)))}
+        estimates = align({"a": truth, "b": truth, "c": truth}, dataset="d")
+        return set(consensus_features(estimates, "a", which=which, models=models).names)

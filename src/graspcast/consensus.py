@@ -117,11 +117,15 @@ def _paper(principal: ndarray, supporters: Mapping[str, ndarray]) -> Columns:
             yield f"dpsi_{axis}.{name}", column
 
 
-def _nearest_symmetric(from_T_to: ndarray, symmetries: ndarray) -> ndarray:
+def _nearest_symmetric(
+    from_T_to: Float[ndarray, "m n 4 4"], symmetries: Float[ndarray, "s 4 4"]
+) -> Float[ndarray, "m n 4 4"]:
     """Each transform times the symmetry that makes its rotation angle smallest."""
-    candidates = from_T_to[:, None] @ symmetries
-    best = rotation_angle(candidates[..., :3, :3]).argmin(axis=1)
-    return candidates[np.arange(len(from_T_to)), best]
+    if len(symmetries) == 1:
+        return from_T_to
+    candidates = from_T_to[:, :, None] @ symmetries
+    best = rotation_angle(candidates[..., :3, :3]).argmin(axis=2)
+    return np.take_along_axis(candidates, best[:, :, None, None, None], axis=2)[:, :, 0]
 
 
 def _rich(
@@ -132,28 +136,34 @@ def _rich(
     # A principal at the camera's centre has no ray; any will do, and the distance says so.
     safe = np.where(distance > 0, distance, 1.0)
     ray = np.where(distance[:, None] > 0, principal[:, :3, 3] / safe[:, None], [0.0, 0.0, 1.0])
-    for (name, pose), add_rel in zip(supporters.items(), adds.T, strict=True):
-        near = _nearest_symmetric(compose(invert(principal), pose), symmetries)
-        turn = rotation_vector(near[:, :3, :3])
-        shift = pose[:, :3, 3] - principal[:, :3, 3]
-        along = np.sum(shift * ray, axis=-1)
-        across = np.linalg.norm(shift - along[:, None] * ray, axis=-1)
-        for axis, column in zip("xyz", turn.T, strict=True):
+
+    # All differences at once: each supporter seen from the principal, then each from another.
+    names, poses = list(supporters), np.stack([principal, *supporters.values()])
+    k = len(names)
+    pairs = [(0, i + 1) for i in range(k)] + list(combinations(range(1, k + 1), 2))
+    start, end = (list(side) for side in zip(*pairs, strict=True))
+    near = _nearest_symmetric(compose(invert(poses)[start], poses[end]), symmetries)
+    turn = rotation_vector(near[..., :3, :3])
+    angle = np.linalg.norm(turn, axis=-1)
+    shift = poses[end][..., :3, 3] - poses[start][..., :3, 3]
+    along = np.sum(shift * ray, axis=-1)
+
+    for i, name in enumerate(names):
+        across = np.linalg.norm(shift[i] - along[i][:, None] * ray, axis=-1)
+        for axis, column in zip("xyz", turn[i].T, strict=True):
             yield f"rot_{axis}.{name}", column
-        yield f"angle.{name}", np.linalg.norm(turn, axis=-1)
-        for axis, column in zip("xyz", near[:, :3, 3].T, strict=True):
+        yield f"angle.{name}", angle[i]
+        for axis, column in zip("xyz", near[i, :, :3, 3].T, strict=True):
             yield f"off_{axis}.{name}", column
-        yield f"ray.{name}", along
-        yield f"ray_rel.{name}", along / safe
+        yield f"ray.{name}", along[i]
+        yield f"ray_rel.{name}", along[i] / safe
         yield f"across_rel.{name}", across / safe
-        yield f"add_rel.{name}", add_rel
-    for (first, a), (second, b) in combinations(supporters.items(), 2):
-        pair = f"{first}.{second}"
-        shift = b[:, :3, 3] - a[:, :3, 3]
-        near = _nearest_symmetric(compose(invert(a), b), symmetries)
-        yield f"angle_between.{pair}", rotation_angle(near[:, :3, :3])
-        yield f"offset_between.{pair}", np.linalg.norm(shift, axis=-1)
-        yield f"ray_between.{pair}", np.sum(shift * ray, axis=-1)
+        yield f"add_rel.{name}", adds[:, i]
+    for i in range(k, len(pairs)):
+        pair = f"{names[start[i] - 1]}.{names[end[i] - 1]}"
+        yield f"angle_between.{pair}", angle[i]
+        yield f"offset_between.{pair}", np.linalg.norm(shift[i], axis=-1)
+        yield f"ray_between.{pair}", along[i]
     view = -np.einsum("nij,ni->nj", principal[:, :3, :3], ray)
     for axis, column in zip("xyz", view.T, strict=True):
         yield f"view_{axis}", column

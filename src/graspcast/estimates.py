@@ -9,7 +9,7 @@ dropped and counted. No ground truth is consulted, so the same rule serves at ru
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,7 +21,6 @@ from graspcast.errors import InputError, MismatchError, UnknownNameError
 
 __all__ = ["Estimates", "Partial", "align", "assign", "concatenate", "instance_numbers"]
 
-Key = tuple[int, int, int]
 _COLUMNS = ("dataset", "scene_id", "im_id", "obj_id", "inst_id")
 
 
@@ -105,26 +104,15 @@ class Estimates:
         return replace(self, **rows, cam_T_obj=self.cam_T_obj[:, which])
 
 
-def _groups(results: Results) -> dict[Key, list[int]]:
-    """Rows of each (scene, image, object), by decreasing score; ties in the file's order."""
-    order = np.argsort(-results.score, kind="stable")
-    out: dict[Key, list[int]] = {}
-    keys = zip(
-        results.scene_id[order].tolist(),
-        results.im_id[order].tolist(),
-        results.obj_id[order].tolist(),
-        strict=True,
-    )
-    for row, key in zip(order.tolist(), keys, strict=True):
-        out.setdefault(key, []).append(row)
-    return out
-
-
 def instance_numbers(results: Results) -> Int[ndarray, "n"]:
     """Each row's rank, by decreasing score, among its object's detections in its image."""
+    keys = np.stack([results.scene_id, results.im_id, results.obj_id])
+    _, group = np.unique(keys, axis=1, return_inverse=True)
+    # Stable, so equal scores stay in the file's order.
+    order = np.lexsort((-results.score, group))
+    first = np.searchsorted(group[order], group[order], side="left")
     out = np.empty(len(results), dtype=np.int64)
-    for rows in _groups(results).values():
-        out[rows] = np.arange(len(rows))
+    out[order] = np.arange(len(results)) - first
     return out
 
 
@@ -165,34 +153,31 @@ def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = 
     anchor = anchor or names[0]
     if anchor not in names:
         raise UnknownNameError("estimator", anchor, names)
-    groups = {name: _groups(table) for name, table in results.items()}
     first = names.index(anchor)
-    lacking = dict.fromkeys(names, 0)
-    kept: list[tuple[Key, int, list[int]]] = []  # key, instance, one row for each estimator
+    stacked = [np.stack([t.scene_id, t.im_id, t.obj_id], axis=1) for t in results.values()]
+    keys, inverse = np.unique(np.concatenate(stacked), axis=0, return_inverse=True)
+    groups = np.split(inverse, np.cumsum([len(t) for t in results.values()])[:-1])
+    counts = np.stack([np.bincount(g, minlength=len(keys)) for g in groups])
+    missing = (counts.max(axis=0) - counts).sum(axis=1)
+    kept: list[tuple[int, int, list[int]]] = []  # key, instance, one row for each estimator
     partial: list[Partial] = []
-    for key in sorted(set().union(*groups.values())):
-        rows = [groups[name].get(key, []) for name in names]
-        most = max(map(len, rows))
-        for name, found in zip(names, rows, strict=True):
-            lacking[name] += most - len(found)
-        position = [results[n].cam_T_obj[r, :3, 3] for n, r in zip(names, rows, strict=True)]
-        partner: list[dict[int, int]] = []
-        for k, found in enumerate(rows):
-            a, b = assign(position[first], position[k]) if k != first else 2 * (range(len(found)),)
-            partner.append({int(i): found[int(j)] for i, j in zip(a, b, strict=True)})
-        for i in range(len(rows[first])):
-            without = tuple(n for n, p in zip(names, partner, strict=True) if i not in p)
-            if without:
-                partial.append(Partial(dataset, *key, inst_id=i, lacking=without))
+    rows_of = [_rows_by_group(t, g) for t, g in zip(results.values(), groups, strict=True)]
+    for key in np.flatnonzero(counts[first]).tolist():
+        rows = [found.get(key, []) for found in rows_of]
+        for i, partners in enumerate(_partners(rows, first, list(results.values()))):
+            if None in partners:
+                without = tuple(n for n, r in zip(names, partners, strict=True) if r is None)
+                scene, image, obj_id = keys[key].tolist()
+                partial.append(Partial(dataset, scene, image, obj_id, i, without))
             else:
-                kept.append((key, i, [p[i] for p in partner]))
+                kept.append((key, i, [r for r in partners if r is not None]))
     if not kept:
-        counts = ", ".join(f"{name}: {len(table)} rows" for name, table in results.items())
+        sizes = ", ".join(f"{name}: {len(table)} rows" for name, table in results.items())
         raise MismatchError(
-            f"no instance of {dataset} has a pose by every estimator ({counts}); are these files "
+            f"no instance of {dataset} has a pose by every estimator ({sizes}); are these files "
             "of the same dataset and split?"
         )
-    keys = np.array([key for key, _, _ in kept], dtype=np.int64)
+    keys = keys[[key for key, _, _ in kept]]
     picked = np.array([rows for _, _, rows in kept], dtype=np.int64).T
     return Estimates(
         estimators=names,
@@ -202,9 +187,35 @@ def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = 
         obj_id=keys[:, 2],
         inst_id=np.array([i for _, i, _ in kept], dtype=np.int64),
         cam_T_obj=np.stack([results[n].cam_T_obj[p] for n, p in zip(names, picked, strict=True)]),
-        lacking=lacking,
+        lacking=dict(zip(names, missing.tolist(), strict=True)),
         partial=tuple(partial),
     )
+
+
+def _rows_by_group(results: Results, group: ndarray) -> dict[int, list[int]]:
+    """The rows of each group, by decreasing score; ties in the file's order."""
+    out: dict[int, list[int]] = {}
+    order = np.argsort(-results.score, kind="stable")
+    for row, key in zip(order.tolist(), group[order].tolist(), strict=True):
+        out.setdefault(key, []).append(row)
+    return out
+
+
+def _partners(
+    rows: list[list[int]], anchor: int, results: list[Results]
+) -> Iterator[list[int | None]]:
+    """For each of the anchor's rows the one of every estimator, or None."""
+    if all(len(found) <= 1 for found in rows):  # nearly always
+        yield [found[0] if found else None for found in rows]
+        return
+    position = [table.cam_T_obj[r, :3, 3] for table, r in zip(results, rows, strict=True)]
+    partner: list[dict[int, int]] = []
+    for k, found in enumerate(rows):
+        n = range(len(found))
+        a, b = (n, n) if k == anchor else assign(position[anchor], position[k])
+        partner.append({int(i): found[int(j)] for i, j in zip(a, b, strict=True)})
+    for i in range(len(rows[anchor])):
+        yield [found.get(i) for found in partner]
 
 
 def concatenate(parts: Iterable[Estimates]) -> Estimates:

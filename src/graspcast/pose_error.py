@@ -25,7 +25,11 @@ __all__ = [
 ]
 
 
-@njit(parallel=True, cache=True, fastmath={"reassoc", "contract", "nsz"})
+_FAST = {"reassoc", "contract", "nsz"}
+_WORTH_THREADS = 200_000
+"""Points; below, waking the threads takes longer than the work."""
+
+
 def _distances(difference, points):  # type: ignore[no-untyped-def]
     """Mean and largest length of ``D v + d`` over points, for rows [D | d] of each difference."""
     n, count = difference.shape[0], points.shape[1]
@@ -46,7 +50,20 @@ def _distances(difference, points):  # type: ignore[no-untyped-def]
     return mean, largest
 
 
-@njit(parallel=True, cache=True, fastmath={"reassoc", "contract", "nsz"})
+_distances_serial = njit(cache=True, fastmath=_FAST)(_distances)
+_distances_parallel = njit(parallel=True, cache=True, fastmath=_FAST)(_distances)
+
+
+def _mean_and_largest(
+    difference: Float[ndarray, "n 3 4"], points: Float[ndarray, "v 3"]
+) -> tuple[Float[ndarray, "n"], Float[ndarray, "n"]]:
+    threads = difference.shape[0] * len(points) > _WORTH_THREADS
+    compiled = _distances_parallel if threads else _distances_serial
+    mean, largest = compiled(np.ascontiguousarray(difference), np.ascontiguousarray(points.T))
+    return mean, largest
+
+
+@njit(parallel=True, cache=True, fastmath=_FAST)
 def _largest_pixel_distance(first, second, points):  # type: ignore[no-untyped-def]
     """Largest distance of projections by 3x4 matrices ``first[i]`` and ``second[i, s]``."""
     n, symmetries, count = second.shape[0], second.shape[1], points.shape[1]
@@ -112,9 +129,7 @@ def add(
     points: Float[ndarray, "v 3"],
 ) -> Float[ndarray, "n"]:
     """Average distance, in metres, of the model's points under the one pose and the other."""
-    difference = np.ascontiguousarray((cam_T_a - cam_T_b)[:, :3])
-    mean: ndarray = _distances(difference, np.ascontiguousarray(points.T))[0]
-    return mean
+    return _mean_and_largest((cam_T_a - cam_T_b)[:, :3], points)[0]
 
 
 def add_s(
@@ -141,9 +156,7 @@ def mssd(
 ) -> Float[ndarray, "n"]:
     """Maximum symmetry-aware surface distance, in metres."""
     difference = (cam_T_est[:, None] - cam_T_gt[:, None] @ symmetries)[..., :3, :]
-    _, largest = _distances(
-        np.ascontiguousarray(difference.reshape(-1, 3, 4)), np.ascontiguousarray(points.T)
-    )
+    _, largest = _mean_and_largest(difference.reshape(-1, 3, 4), points)
     return largest.reshape(len(cam_T_est), len(symmetries)).min(axis=1)
 
 

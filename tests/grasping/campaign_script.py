@@ -5,7 +5,6 @@ Usage: campaign_script.py DIRECTORY COUNT WORKERS [limit]; `limit` lets no file 
 
 from __future__ import annotations
 
-import resource
 import signal
 import sys
 
@@ -34,6 +33,8 @@ def main() -> int:
     requests = make_requests(count)
     pairs = load_pairs(requests, read_grasps())
     if sys.argv[4:] == ["limit"]:
+        import resource
+
         # What a full disk does to a write, with the error of a file that is too large instead.
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(

@@ -10,6 +10,7 @@ import csv
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from os import PathLike
 from pathlib import Path
 
@@ -80,7 +81,7 @@ def _whole(text: str) -> int:
 
 def _finite(text: str) -> float:
     value = float(text)
-    if not np.isfinite(value):
+    if not isfinite(value):
         raise ValueError
     return value
 
@@ -94,8 +95,8 @@ def _duration(text: str) -> float:
 
 def _numbers(count: int) -> Callable[[str], list[float]]:
     def parse(text: str) -> list[float]:
-        values = [_finite(part) for part in text.split()]
-        if len(values) != count:
+        values = [float(part) for part in text.split()]
+        if len(values) != count or not all(map(isfinite, values)):
             raise ValueError
         return values
 

@@ -26,7 +26,7 @@ def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left")
+    table = Table()
     for i, name in enumerate(header):
         table.add_column(name, justify="left" if i == 0 else "right")
     for row in rows:
@@ -35,7 +35,7 @@ def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]
     if not console.is_terminal:
         # A file or a pipe has no width; nothing is to be folded or cut off for one.
         console = Console(width=1000)
-    console.print(table)
+    console.print(title, table, sep="\n")
 
 
 class Move(Protocol):

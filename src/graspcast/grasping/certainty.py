@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.geometry import rotation_angle
 from graspcast.grasping.scene import Scene, Touch
 
 __all__ = ["Steadiness", "beyond_reach", "left_behind_m"]
@@ -107,12 +106,14 @@ class Steadiness:
         if scene.object_boxes()[0][:, 2].min() < _CLEARANCE_M:
             return False
         ahead = _EXTRAPOLATE * (scene.settings.lift_s - lifted_s) / window
-        shift = ahead * max(float(np.linalg.norm(now.offset - s.offset)) for s in self._seen)
-        angle = ahead * max(float(rotation_angle(now.turn.T @ s.turn)) for s in self._seen)
-        joint = ahead * max(float(np.abs(now.joints - s.joints).max()) for s in self._seen)
+        before = list(self._seen)
+        shift = ahead * np.linalg.norm(now.offset - [s.offset for s in before], axis=1).max()
+        # The chord of a small rotation: |R - R'| = sqrt(8) sin(angle / 2).
+        chords = np.linalg.norm(now.turn - [s.turn for s in before], axis=(1, 2))
+        angle = ahead * chords.max() / np.sqrt(2.0)
+        joint = ahead * np.abs(now.joints - [s.joints for s in before]).max()
         margin = abs(float(np.linalg.norm(now.offset)) - scene.settings.tolerance_m)
-        moved = max(shift / min(_SHIFT_M, margin + 1e-9), joint / _POSTURE_M, angle / _TURN_RAD)
-        return moved < 1.0
+        return bool(shift < min(_SHIFT_M, margin) and joint < _POSTURE_M and angle < _TURN_RAD)
 
     def _look(self, lifted_s: float) -> _Seen:
         scene = self._scene

@@ -175,7 +175,7 @@ def _run_coacd(
 
 
 def _digest(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], how: Decomposition) -> str:
-    digest = hashlib.sha256(f"coacd {version('coacd')}".encode())
+    digest = hashlib.sha256(f"{version('coacd')} {_SAMPLES} {_SEARCH_NODES}".encode())
     digest.update(json.dumps(asdict(how), sort_keys=True).encode())
     digest.update(np.ascontiguousarray(vertices, dtype="<f8").tobytes())
     digest.update(np.ascontiguousarray(faces, dtype="<i8").tobytes())

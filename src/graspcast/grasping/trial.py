@@ -202,6 +202,7 @@ class _Trial:
         data.qvel[model.jnt_dofadr[model.joint("approach").id]] = speed
         data.ctrl[servo] = speed
         self._advance(-entry / speed + self.settings.settle_s)
+        self._check_sound()
 
     def _clear_until(self) -> float:
         """A place on the approach (metres, up to 0) before which the open hand is clear."""
@@ -230,6 +231,7 @@ class _Trial:
             data.ctrl[columns] = start + min(1.0, k * _COMMAND_S / closing.seconds) * way
             self._advance(_COMMAND_S)
             if k % window == 0:
+                self._check_sound()
                 now = self._posture()
                 if np.abs(now - before).max() < 1.0:
                     return
@@ -276,6 +278,7 @@ class _Trial:
             chunk = min(_CHECK_S, settings.lift_s - lifted)
             self._advance(chunk)
             lifted += chunk
+            self._check_sound()
         offset = float(np.linalg.norm(scene.centroid_in_base() - at_grasp))
         if offset <= settings.tolerance_m:
             return True, "held", offset
@@ -296,6 +299,8 @@ class _Trial:
             done += count
             self._show()
         self.steps += steps
+
+    def _check_sound(self) -> None:
         if self.scene.exploded():
             raise _BlowUpError
 

@@ -176,7 +176,8 @@ class Forecaster:
         """
         path = Path(path)
         try:
-            with np.load(path, allow_pickle=False) as data:
+            # A file of our own opening is closed even if NumPy finds it broken.
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
                 content = json.loads(str(data["card"]))
                 arrays = {k.removeprefix("predictor/"): data[k] for k in data.files if k != "card"}
             if content["format"] != _FORMAT:

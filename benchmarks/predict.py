@@ -1,0 +1,128 @@
+"""How fast a forecaster answers: an import, 10,000 instances, one verdict.
+
+    python benchmarks/predict.py
+
+Estimates and meshes are made up at the size of real ones (three estimators, objects of 8,000
+vertices), so no data is needed. Each figure is the best of several runs in this process; the import
+is that of a new one.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from graspcast import Estimates, Forecaster, NetworkSettings, Samples, Verdict, train_forecaster
+from graspcast.bop.models import Models
+from graspcast.bop.results import Results, read_results, write_results
+from graspcast.estimates import align
+from graspcast.geometry import rotation_from_quaternion, transform
+from graspcast.learning.mlp_training import MlpSettings
+from graspcast.verdict import verdict_rows, write_verdicts
+
+N = 10_000
+NAMES = ("first", "second", "third")
+
+
+def best(function: Callable[[], object], runs: int) -> float:
+    """Seconds of the fastest run."""
+    times = []
+    for _ in range(runs):
+        start = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def made_up_results(rng: np.random.Generator) -> dict[str, Results]:
+    rotation = rotation_from_quaternion(rng.normal(size=(N, 4)))
+    translation = rng.normal(scale=0.1, size=(N, 3)) + [0, 0, 1]
+    out = {}
+    for name in NAMES:
+        noise = rng.normal(scale=0.01, size=(N, 3))
+        out[name] = Results(
+            scene_id=np.ones(N, np.int64),
+            im_id=np.arange(N) // 4,
+            obj_id=np.arange(N) % 4 + 1,
+            score=np.ones(N),
+            cam_T_obj=transform(rotation, translation + noise),
+            time_s=np.full(N, -1.0),
+            line=np.arange(N),
+        )
+    return out
+
+
+def made_up_models(folder: Path, rng: np.random.Generator) -> Models:
+    import json
+
+    info = {}
+    for number in range(1, 5):
+        points = rng.normal(scale=40, size=(8000, 3)).astype("<f4")
+        header = "ply\nformat binary_little_endian 1.0\nelement vertex 8000\n"
+        header += "".join(f"property float {a}\n" for a in "xyz") + "end_header\n"
+        (folder / f"obj_{number:06d}.ply").write_bytes(header.encode() + points.tobytes())
+        sizes = {f"min_{a}": -50.0 for a in "xyz"} | {f"size_{a}": 100.0 for a in "xyz"}
+        info[str(number)] = {"diameter": 173.2} | sizes
+    (folder / "models_info.json").write_text(json.dumps(info))
+    return Models(folder)
+
+
+def main() -> None:
+    command = [sys.executable, "-c", "import graspcast"]
+    bare = best(lambda: subprocess.run([sys.executable, "-c", ""], check=True), 5)
+    print(f"import graspcast: {best(lambda: subprocess.run(command, check=True), 5) - bare:.3f} s")
+    rng = np.random.default_rng(0)
+    with tempfile.TemporaryDirectory() as folder:
+        models = {"made": made_up_models(Path(folder), rng)}
+        paths = {}
+        for name, results in made_up_results(rng).items():
+            paths[name] = Path(folder) / f"{name}_made-test.csv"
+            write_results(paths[name], results)
+        tables = {name: read_results(path) for name, path in paths.items()}
+        estimates = align(tables, dataset="made", anchor="first")
+        success = rng.random(N) < 0.5
+        samples = Samples(estimates, "first", "parallel", success).select(np.arange(2000))
+        settings = NetworkSettings(optimiser=MlpSettings(epochs=20))
+        for features in ("paper", "rich"):
+            forecaster = train_forecaster(
+                samples, features=features, settings=settings, models=models
+            )
+            time_it(forecaster, features, estimates, models, paths)
+
+
+def time_it(
+    forecaster: Forecaster,
+    features: str,
+    estimates: Estimates,
+    models: dict[str, Models],
+    paths: dict[str, Path],
+) -> None:
+    one = {name: estimates.of(name)[0] for name in NAMES}
+
+    def answer(estimates: Estimates = estimates) -> None:
+        probability = forecaster.probability(estimates, models)
+        rows = verdict_rows(estimates, probability, "parallel", 0.5)
+        write_verdicts(paths["first"].with_name("verdicts.csv"), rows)
+
+    def whole() -> None:
+        read = {name: read_results(path) for name, path in paths.items()}
+        answer(align(read, dataset="made", anchor="first"))
+
+    def single() -> Verdict:
+        return forecaster.predict(one, "made-1", models=models)
+
+    single(), answer()  # compiled and loaded
+    print(
+        f"{features}: {N} instances {best(answer, 3):.2f} s, with reading three CSVs "
+        f"{best(whole, 3):.2f} s; one verdict {1000 * best(single, 200):.2f} ms"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,118 @@
+"""The verb ``simulate``: grasp trials guided by estimates."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from graspcast.cli.console import note, print_table, print_text, progress_bar
+from graspcast.cli.options import Verbs, add_inputs, add_out, add_verb, inputs_of
+
+if TYPE_CHECKING:
+    from graspcast.grasping.campaign import Progress
+    from graspcast.grasping.executors import Executor
+
+__all__ = ["add_verbs"]
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Add this module's verb."""
+    verb = add_verb(
+        verbs,
+        "simulate",
+        _simulate,
+        "grasp trials guided by estimates",
+        "Try in simulation the grasp that each estimate would guide, and keep the outcomes in a\n"
+        "directory of Parquet files. Killed at any moment and started again, it goes on from\n"
+        "where it was. --lenient leaves out objects without a reference grasp.",
+    )
+    add_inputs(verb, bop_required=True)
+    verb.add_argument(
+        "--gripper",
+        metavar="NAME",
+        action="append",
+        required=True,
+        help="parallel, underactuated, or an own gripper's .toml; may be repeated",
+    )
+    verb.add_argument(
+        "--grasps", metavar="FILE", type=Path, help="reference grasps (TOML) beside the built-in"
+    )
+    verb.add_argument(
+        "--catalogue", metavar="FILE", type=Path, help="objects (TOML) beside the built-in ones"
+    )
+    verb.add_argument(
+        "--workers", metavar="N", type=int, help="worker processes (default: all cores)"
+    )
+    verb.add_argument(
+        "--executor", choices=("local", "ray"), default="local", help="default: local"
+    )
+    verb.add_argument("--address", metavar="URL", help="of the Ray cluster, if not found by itself")
+    add_out(verb, "the campaign's directory; one that holds part of it is gone on with")
+
+
+def _executor(options: argparse.Namespace) -> Executor:
+    from graspcast.grasping.executors import LocalExecutor, RayExecutor
+
+    if options.executor == "ray":
+        return RayExecutor(options.address)
+    return LocalExecutor(options.workers)
+
+
+def _words(progress: Progress) -> str:
+    left = progress.left_s
+    remaining = f", {left / 60:.0f} min left" if 60 <= left < float("inf") else ""
+    return f"{progress.done} of {progress.total} trials, {progress.rate:.1f}/s{remaining}"
+
+
+def _simulate(options: argparse.Namespace) -> None:
+    from graspcast.grasping.campaign import run_campaign
+    from graspcast.grasping.catalogue import read_catalogue
+    from graspcast.grasping.grasps import read_grasps
+    from graspcast.grasping.grippers import load_gripper
+    from graspcast.grasping.guided import guided_trials
+    from graspcast.grasping.work import load_pairs
+
+    inputs = inputs_of(options)
+    grippers = {hand.name: hand for hand in map(load_gripper, options.gripper)}
+    grasps = read_grasps(options.grasps)
+    requests = guided_trials(
+        inputs.results,
+        inputs.datasets,
+        tuple(grippers),
+        grasps=grasps if options.lenient else None,
+        notes=inputs.notes,
+    )
+    for text in inputs.notes:
+        note(text)
+    pairs = load_pairs(
+        requests,
+        grasps,
+        bop_dirs={name: dataset.root for name, dataset in inputs.datasets.items()},
+        catalogue=read_catalogue(options.catalogue),
+        grippers=grippers,
+    )
+    sources = {
+        f"{estimator} on {name}": table.source
+        for name, tables in inputs.results.items()
+        for estimator, table in tables.items()
+    }
+    with progress_bar("trying grasps") as move:
+        outcomes = run_campaign(
+            requests,
+            pairs,
+            options.out,
+            executor=_executor(options),
+            sources=sources,
+            progress=lambda p: move(p.done / p.total, _words(p)),
+        )
+    keys = ["object", "gripper"]
+    counts = outcomes.pivot("reason", index=keys, values="steps", aggregate_function="len")
+    reasons = [c for c in counts.columns if c not in keys]
+    rows = []
+    for row in counts.sort(keys).iter_rows(named=True):
+        counts_here = [row[reason] or 0 for reason in reasons]
+        rate = (row.get("held") or 0) / sum(counts_here)
+        rows.append([row["object"], row["gripper"], f"{rate:.3f}", *map(str, counts_here)])
+    print_table("Outcomes", ["object", "gripper", "success", *reasons], rows)
+    print_text(f"{options.out}: {len(outcomes)} trials")

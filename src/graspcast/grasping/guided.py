@@ -1,0 +1,84 @@
+"""From estimates and ground truth to trials: which grasp each estimate would guide.
+
+The paper's change of frame (Section III-B): the true object lands on its reference pose, and the
+estimate keeps its error. So a trial needs of an image only ``inv(cam_T_gt) @ cam_T_est``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import polars as pl
+
+from graspcast.bop.dataset import BopDataset
+from graspcast.bop.results import Results
+from graspcast.errors import MismatchError
+from graspcast.estimates import instance_numbers
+from graspcast.geometry import compose, invert
+from graspcast.grasping.grasps import GraspTable
+from graspcast.grasping.requests import TrialRequests
+from graspcast.truth import match
+
+__all__ = ["guided_trials"]
+
+
+def guided_trials(
+    results: Mapping[str, Mapping[str, Results]],
+    datasets: Mapping[str, BopDataset],
+    grippers: Sequence[str],
+    *,
+    grasps: GraspTable | None = None,
+    notes: list[str] | None = None,
+) -> TrialRequests:
+    """One trial for each estimate that has a ground truth, and each gripper.
+
+    Args:
+        results: Dataset's name to estimator's name to results.
+        datasets: Dataset's name to its BOP directory, with ground truth.
+        grippers: Names of grippers.
+        grasps: If given, objects without a grasp by a gripper are left out, and counted.
+        notes: Gets what was left out, in words.
+
+    Raises:
+        MismatchError: if nothing is left, or no estimate of a file has a ground truth.
+    """
+    notes = [] if notes is None else notes
+    keys, poses = [], []
+    for name, tables in results.items():
+        truth = datasets[name].ground_truth
+        for estimator, table in tables.items():
+            matched = match(table, truth)
+            if without := int((matched < 0).sum()):
+                notes.append(f"{table.source}: {without} estimates have no ground truth")
+            rows = np.flatnonzero(matched >= 0)
+            numbers = instance_numbers(table)
+            for gripper in grippers:
+                keys.append(
+                    pl.DataFrame(
+                        {
+                            "scene_id": table.scene_id[rows],
+                            "im_id": table.im_id[rows],
+                            "obj_id": table.obj_id[rows],
+                            "inst_id": numbers[rows],
+                        }
+                    ).with_columns(
+                        estimator=pl.lit(estimator),
+                        dataset=pl.lit(name),
+                        gripper=pl.lit(gripper),
+                    )
+                )
+                true = truth.cam_T_obj[matched[rows]]
+                poses.append(compose(invert(true), table.cam_T_obj[rows]))
+    table_of_keys, obj_T_est = pl.concat(keys), np.concatenate(poses)
+    if grasps is not None:
+        pairs = table_of_keys.select(pl.format("{}-{}", "dataset", "obj_id"), "gripper").rows()
+        has = np.array([pair in grasps for pair in pairs], dtype=bool)
+        if not has.all():
+            lacking = sorted({pairs[i] for i in np.flatnonzero(~has).tolist()})
+            names = ", ".join(f"{name} by {gripper}" for name, gripper in lacking)
+            notes.append(f"left out {int((~has).sum())} trials without a reference grasp: {names}")
+        table_of_keys, obj_T_est = table_of_keys.filter(has), obj_T_est[has]
+    if not len(table_of_keys):
+        raise MismatchError("there is no estimate left to guide a grasp")
+    return TrialRequests(table_of_keys, obj_T_est)
