@@ -20,7 +20,7 @@ from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
 from graspcast.grasping.work import load_pairs
 
 
-def make_requests(count: int, grippers: tuple[str, ...] = ("franka",)) -> TrialRequests:
+def make_requests(count: int, grippers: tuple[str, ...] = ("parallel",)) -> TrialRequests:
     """Estimates of the tomato soup can that are off by about a centimetre and 6 degrees."""
     rng = np.random.default_rng(7)
     rows = [("epos", "ycbv", 48, k, 4, 0, g) for k in range(count) for g in grippers]

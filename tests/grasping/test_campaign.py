@@ -79,7 +79,7 @@ def test_outcomes_are_those_of_the_trials_run_one_by_one(
     outcomes = read_outcomes(complete)
     assert dict(outcomes.schema) == COLUMNS
     assert 0.1 < outcomes["success"].mean() < 0.9  # type: ignore[operator]
-    pair = pairs["ycbv-4", "franka"]
+    pair = pairs["ycbv-4", "parallel"]
     runner = pair.runner()
     for row in outcomes.sample(6, seed=1).iter_rows(named=True):
         alone = runner.run(requests.obj_T_est[row["im_id"]], pair.grasp)
@@ -230,7 +230,7 @@ def test_another_configuration_refuses_to_mix(
     change: str,
 ) -> None:
     before = {p.name: p.read_bytes() for p in complete.glob("[!.]*")}
-    pair = pairs["ycbv-4", "franka"]
+    pair = pairs["ycbv-4", "parallel"]
     named = "ycbv-4 by franka"
     if change == "settings":
         pair = Pair(pair.grasp_object, pair.gripper, pair.grasp, TrialSettings(lift_s=14.0))
@@ -246,7 +246,7 @@ def test_another_configuration_refuses_to_mix(
         named = "estimates of epos on ycbv"
         requests = make_requests(41)
     with pytest.raises(MismatchError, match=f"another configuration: {named} .*another --out"):
-        run_campaign(requests, {("ycbv-4", "franka"): pair}, complete, executor=ONE)
+        run_campaign(requests, {("ycbv-4", "parallel"): pair}, complete, executor=ONE)
     assert {p.name: p.read_bytes() for p in complete.glob("[!.]*")} == before
 
 
@@ -373,13 +373,13 @@ def test_workers_must_be_some() -> None:
 def test_a_trial_that_fails_stops_with_its_cause(
     requests: TrialRequests, pairs: dict[tuple[str, str], Pair], tmp_path: Path
 ) -> None:
-    pair = pairs["ycbv-4", "franka"]
+    pair = pairs["ycbv-4", "parallel"]
     other = replace(pair.grasp, object="ycbv-9")
     wrong = Pair(pair.grasp_object, pair.gripper, other, pair.settings)
     with pytest.raises(
         CampaignStoppedError, match=r"a trial of ycbv-4 by franka failed: MismatchError.*0 of 40"
     ):
-        run_campaign(requests, {("ycbv-4", "franka"): wrong}, tmp_path / "o", executor=ONE)
+        run_campaign(requests, {("ycbv-4", "parallel"): wrong}, tmp_path / "o", executor=ONE)
 
 
 def test_the_card_reads_as_it_says(complete: Path) -> None:

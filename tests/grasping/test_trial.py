@@ -20,6 +20,7 @@ from graspcast.errors import InputError, MismatchError
 from graspcast.geometry import exp, transform
 from graspcast.grasping import trial as trial_module
 from graspcast.grasping.grippers import FrankaHand, TendonHand, load_gripper
+from graspcast.grasping.scene import HAND, Scene
 from graspcast.grasping.trial import REASONS, Outcome, TrialRunner, TrialSettings
 from graspcast.grasping.types import Grasp, GraspObject, Primitive
 
@@ -199,16 +200,16 @@ def test_stopping_early_gives_the_label_of_the_full_lift(gripper: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("gripper", GRIPPERS)
 def test_a_slow_slip_is_followed_to_its_end(gripper: str) -> None:
-    # Without no-slip iterations and at low impedance friction creeps, some of it past 5 cm.
-    decided = []
-    for mass in (0.35, 1.0, 2.0, 3.0):
-        for impratio in (0.02, 0.05, 0.2):
-            target = box(mass_kg=mass)
-            runner, grasp = setup(gripper, target, impratio=impratio, noslip_iterations=0)
+    # Where friction's impedance is low it creeps, so that some grips give way only after seconds.
+    seen = []
+    for mass in (0.35, 1.0, 2.0):
+        for impratio in (0.3, 0.6, 1.0, 2.0):
+            runner, grasp = setup(gripper, box(mass_kg=mass), impratio=impratio)
             full = runner.run(IDENTITY, grasp, early_stop=False)
-            assert runner.run(IDENTITY, grasp).reason == full.reason
-            decided.append(full.reason)
-    assert len(set(decided)) > 1, decided
+            quick = runner.run(IDENTITY, grasp)
+            assert quick.reason == full.reason
+            seen.append((quick.reason, quick.simulated_s > 4.0))
+    assert {("held", True), ("dropped", True)} <= set(seen)
 
 
 @pytest.mark.slow
@@ -229,16 +230,16 @@ def test_the_free_part_of_the_approach_has_no_consequence(
 @pytest.mark.slow
 @pytest.mark.parametrize("gripper", GRIPPERS)
 def test_nothing_tunnels(gripper: str) -> None:
-    deepest = []
-
-    def record(model: object, data: mujoco.MjData, phase: str) -> None:
-        if data.ncon:
-            deepest.append(-float(data.contact.dist.min()))
-
+    deepest = [0.0]
     for runner, error, grasp in sample(gripper, 48):
+
+        def record(_: object, data: mujoco.MjData, phase: str, s: Scene = runner.scene) -> None:
+            by_hand = (s.kind[data.contact.geom] == HAND).any(axis=1)
+            deepest.append(-float(data.contact.dist[by_hand].min(initial=0.0)))
+
         runner.run(error, grasp, record=record)
-    # The thinnest part of either hand is 8 mm: a pad's half depth, a capsule's radius 12 mm.
-    assert 0.0 < max(deepest) < 4e-3
+    # Half of what is thin in either hand: a pad is 9.5 mm deep, a capsule 24 mm.
+    assert 0.0 < max(deepest) < {"parallel": 4.75e-3, "underactuated": 12e-3}[gripper]
 
 
 @pytest.mark.parametrize("gripper", GRIPPERS)

@@ -21,7 +21,7 @@ __all__ = ["Steadiness", "beyond_reach", "left_behind_m"]
 _AT_REST = 2e-3
 _CLEARANCE_M = 0.01
 _STEADY_AFTER_S, _STEADY_WINDOW_S = 0.6, 0.3
-_EXTRAPOLATE, _TURN_RAD, _POSTURE_M, _SHIFT_M = 2.0, 0.25, 5e-3, 5e-3
+_EXTRAPOLATE, _TURN_RAD, _POSTURE_M, _SHIFT_M = 2.0, 0.25, 5e-3, 2e-3
 
 
 def beyond_reach(scene: Scene, start: Float[ndarray, " 3"], end: Float[ndarray, " 3"]) -> bool:
@@ -89,8 +89,9 @@ class Steadiness:
 
         To be asked at regular times. The object must be held clear of the table, and the motion
         over the last 0.3 s, at twice its rate until the end of the lift, must keep the offset on
-        the same side of the tolerance, and object and fingers within 5 mm and 15 degrees of where
-        they are: a grip that gives way slowly lets go at once, wherever it comes to an edge.
+        the same side of the tolerance, the object within 2 mm and 15 degrees of where it is, and
+        the fingers within 5 mm: a grip that gives way slowly lets go at once, wherever it comes to
+        an edge.
         """
         scene = self._scene
         if not touch.hand_object or touch.table_object:

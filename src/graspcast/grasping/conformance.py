@@ -213,7 +213,7 @@ def _holds(gripper: Gripper, bench: dict[str, Any]) -> str:
 
 def _misses(gripper: Gripper, bench: dict[str, Any]) -> str:
     runner: TrialRunner = bench["runner"]
-    raised = 0.5 * bench["width"] + runner.scene.hand_reach_m
+    raised = 0.5 * bench["width"] + gripper.max_opening_m
     outcome = runner.run(np.eye(4), _grasp(gripper, bench["width"], raised), early_stop=False)
     bench["missed"] = outcome
     if outcome.reason != "missed":

@@ -20,6 +20,8 @@ __all__ = ["Closing", "Equilibrium", "Gripper", "gripper_digest"]
 class Closing:
     """How a gripper is opened and closed: each actuator's control goes linearly to its end value.
 
+    The ramp goes on during the lift if the hand comes to rest on the object before its end.
+
     Attributes:
         open: Control of every actuator of the hand when open, in the actuator's unit.
         close: Control of the same actuators when closed, held until the end of the trial.

@@ -23,9 +23,9 @@ from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.settings import TrialSettings
 from graspcast.grasping.types import ConvexPiece, GraspObject
 
-__all__ = ["Scene", "Touch", "build_scene"]
+__all__ = ["HAND", "OBJECT", "TABLE", "Scene", "Touch", "build_scene"]
 
-_TABLE, _OBJECT, _HAND = 0, 1, 2
+TABLE, OBJECT, HAND = 0, 1, 2
 # Bits of contype; what an element feels is the other's contype in its own conaffinity.
 _OBJECT_BIT, _TABLE_BIT, _HAND_BIT = 1, 2, 4
 _ARM_STIFFNESS, _ARM_KG = 1e5, 10.0
@@ -115,7 +115,7 @@ class Scene:
         contact = self.data.contact
         if not self.data.ncon:
             return -np.inf
-        depths: ndarray = -contact.dist[(self.kind[contact.geom] == _HAND).any(axis=1)]
+        depths: ndarray = -contact.dist[(self.kind[contact.geom] == HAND).any(axis=1)]
         return float(depths.max()) if len(depths) else -np.inf
 
     def touch(self) -> Touch:
@@ -125,11 +125,11 @@ class Scene:
         geoms = self.data.contact.geom
         kinds = self.kind[geoms]
         total = kinds.sum(axis=1)
-        grip = total == _HAND + _OBJECT
-        held_by = self.model.geom_bodyid[geoms[grip][kinds[grip] == _HAND]]
+        grip = total == HAND + OBJECT
+        held_by = self.model.geom_bodyid[geoms[grip][kinds[grip] == HAND]]
         return Touch(
             hand_object=bool(grip.any()),
-            table_object=bool((total == _TABLE + _OBJECT).any()),
+            table_object=bool((total == TABLE + OBJECT).any()),
             hand_bodies=len(set(held_by.tolist())),
         )
 
@@ -162,11 +162,11 @@ class Scene:
 
     def hand_boxes(self) -> tuple[ndarray, ndarray]:
         """Boxes about the colliding geoms of the hand."""
-        return self.boxes(_HAND)
+        return self.boxes(HAND)
 
     def object_boxes(self) -> tuple[ndarray, ndarray]:
         """Boxes about the pieces of the object."""
-        return self.boxes(_OBJECT)
+        return self.boxes(OBJECT)
 
     def exploded(self) -> bool:
         """Whether anything is not finite, or faster than what here falls or is thrown can be."""
@@ -206,9 +206,9 @@ def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSett
     mujoco.mj_setConst(model, data)
     kind = np.full(model.ngeom, -9)
     colliding = (model.geom_contype | model.geom_conaffinity) != 0
-    kind[model.geom_bodyid == 0] = _TABLE
-    kind[model.geom_bodyid == model.body("object").id] = _OBJECT
-    kind[(model.body_rootid[model.geom_bodyid] == model.body("lift").id) & colliding] = _HAND
+    kind[model.geom_bodyid == 0] = TABLE
+    kind[model.geom_bodyid == model.body("object").id] = OBJECT
+    kind[(model.body_rootid[model.geom_bodyid] == model.body("lift").id) & colliding] = HAND
     arm = [model.joint(name).id for name in ("object", "lift", "approach")]
     joints = np.array([j for j in range(model.njnt) if j not in arm], dtype=int)
     start = model.jnt_qposadr[model.joint("object").id]
@@ -234,7 +234,7 @@ def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSett
         rest_qpos=np.zeros(model.nq),
         rest_act=np.zeros(model.na),
         object_radius_m=_radius(grasp_object),
-        hand_reach_m=_reach(model, base, kind == _HAND),
+        hand_reach_m=_reach(model, base, kind == HAND),
     )
     _rest(scene, grasp_object, gripper)
     return scene
@@ -250,6 +250,8 @@ def _set_options(spec: Any, settings: TrialSettings) -> None:
     option.iterations = settings.iterations
     # A state that blew up is to be seen, not silently reset.
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    # Sorting so few bodies into islands takes longer than it saves.
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
 
 
 def _add_object(spec: Any, grasp_object: GraspObject, settings: TrialSettings) -> None:

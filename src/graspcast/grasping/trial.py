@@ -151,6 +151,7 @@ class _Trial:
         self.model, self.data = scene.model, scene.data
         self.early_stop, self.record = early_stop, record
         self.phase = "approach"
+        self.closing_s = 0.0
         self.steps = 0
 
     def run(self, sim_T_base: Float[ndarray, "4 4"]) -> Outcome:
@@ -219,23 +220,31 @@ class _Trial:
 
     def _close(self) -> None:
         """Close until nothing changes any more, or until the time limit."""
-        closing, rule = self.gripper.closing, self.gripper.equilibrium
-        scene, data = self.scene, self.data
         self.phase = "close"
-        columns = [scene.hand_ctrl[name] for name in closing.open]
-        start = np.array(list(closing.open.values()))
-        way = np.array([closing.close[name] for name in closing.open]) - start
-        window = max(1, round(rule.window_s / _COMMAND_S))
+        rule = self.gripper.equilibrium
         before = self._posture()
-        for k in range(1, math.ceil(rule.limit_s / _COMMAND_S) + 1):
-            data.ctrl[columns] = start + min(1.0, k * _COMMAND_S / closing.seconds) * way
+        for _ in range(math.ceil(rule.limit_s / rule.window_s)):
+            self._squeeze(rule.window_s)
+            self._check_sound()
+            now = self._posture()
+            if np.abs(now - before).max() < 1.0:
+                return
+            before = now
+
+    def _squeeze(self, seconds: float) -> None:
+        """Let time pass while the closing command goes on its way, equilibrium or not."""
+        closing, scene = self.gripper.closing, self.scene
+        left = round(seconds / _COMMAND_S)
+        while left > 0 and self.closing_s < closing.seconds:
+            self.closing_s += _COMMAND_S
+            part = min(1.0, self.closing_s / closing.seconds)
+            for name, start in closing.open.items():
+                command = start + part * (closing.close[name] - start)
+                self.data.ctrl[scene.hand_ctrl[name]] = command
             self._advance(_COMMAND_S)
-            if k % window == 0:
-                self._check_sound()
-                now = self._posture()
-                if np.abs(now - before).max() < 1.0:
-                    return
-                before = now
+            left -= 1
+        if left > 0:
+            self._advance(left * _COMMAND_S)
 
     def _posture(self) -> ndarray:
         """Joints, object and actuator forces, in units of what may change at equilibrium."""
@@ -262,7 +271,8 @@ class _Trial:
         lifted = 0.0
         while True:
             touch = scene.touch()
-            if self.early_stop and not touch.hand_object:
+            closed = self.closing_s >= self.gripper.closing.seconds
+            if self.early_stop and closed and not touch.hand_object:
                 remaining = settings.lift_height_m - data.qpos[scene.lift_qpos]
                 final = left_behind_m(scene, at_grasp, remaining)
                 if final is not None:
@@ -274,9 +284,9 @@ class _Trial:
             while lifted < settings.lift_ramp_s - 1e-9:
                 lifted += _COMMAND_S
                 data.ctrl[servo] = settings.lift_speed * min(1.0, lifted / settings.lift_ramp_s)
-                self._advance(_COMMAND_S)
+                self._squeeze(_COMMAND_S)
             chunk = min(_CHECK_S, settings.lift_s - lifted)
-            self._advance(chunk)
+            self._squeeze(chunk)
             lifted += chunk
             self._check_sound()
         offset = float(np.linalg.norm(scene.centroid_in_base() - at_grasp))

@@ -67,7 +67,7 @@ class TendonHand:
     pulleys_m: tuple[float, float] = (0.010, 0.004)
     springs: tuple[float, float] = (0.04, 0.04)
     preload: tuple[float, float] = (0.020, 0.012)
-    damping: float = 0.01
+    damping: float = 0.003
     armature: float = 5e-4
     tendon_stiffness: float = 2e4
     motor_n: float = 200.0
