@@ -55,14 +55,17 @@ def _maybe_named(text: str) -> tuple[str | None, Path]:
     return _named(text) if "=" in text else (None, Path(text))
 
 
-def add_inputs(verb: argparse.ArgumentParser, *, bop_required: bool = False) -> None:
+def add_inputs(
+    verb: argparse.ArgumentParser, *, bop_required: bool = False, required: bool = True
+) -> None:
     """``--estimates``, ``--bop``, ``--ground-truth``, ``--objects``, ``--lenient``."""
     verb.add_argument(
         "--estimates",
         metavar="NAME=FILE",
         type=_named,
         action="append",
-        required=True,
+        default=[],
+        required=required,
         help="an estimator's BOP results CSV; once for each estimator (and dataset)",
     )
     verb.add_argument(

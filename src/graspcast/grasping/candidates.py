@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from graspcast.geometry import compose, exp, invert, transform
 from graspcast.grasping.gripper import Gripper
-from graspcast.grasping.scene import Scene
+from graspcast.grasping.scene import HAND, Scene
 from graspcast.grasping.types import GraspObject
 
 __all__ = ["OpenHand", "propose", "surface_points", "vary"]
@@ -56,11 +56,9 @@ class OpenHand:
         """From a compiled scene, whatever state it is in; the hand is put to rest."""
         scene.park()
         model, data = scene.model, scene.data
-        sim_T_base = transform(
-            data.xmat[scene.base_body].reshape(3, 3), data.xpos[scene.base_body]
-        )
+        sim_T_base = transform(data.xmat[scene.base_body].reshape(3, 3), data.xpos[scene.base_body])
         tcp_T_sim = invert(compose(sim_T_base, gripper.base_T_tcp))
-        geoms = np.flatnonzero(scene.kind == scene.kind.max())
+        geoms = np.flatnonzero(scene.kind == HAND)
         rotation = data.geom_xmat[geoms].reshape(-1, 3, 3)
         middle = np.einsum("gij,gj->gi", rotation, model.geom_aabb[geoms, :3])
         sim_T_box = transform(rotation, data.geom_xpos[geoms] + middle)

@@ -14,41 +14,36 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.geometry import compose, exp, invert, transform_points
+from graspcast.geometry import exp, invert, transform_points
 from graspcast.grasping.agreement import Agreement, agreement
 from graspcast.grasping.candidates import OpenHand, propose, surface_points, vary
+from graspcast.grasping.grasps import ReferenceGrasp
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.objects import with_physics
+from graspcast.grasping.sample import FittedTrials, StratifiedSample
 from graspcast.grasping.trial import TrialRunner, TrialSettings
 from graspcast.grasping.types import Grasp, GraspObject
 
-__all__ = ["FittedGrasp", "FittedTrials", "SearchEffort", "fit_grasp", "jitter_held"]
+__all__ = [
+    "FittedGrasp",
+    "SearchEffort",
+    "fit_grasp",
+    "jitter_held",
+    "report_grasp",
+    "simulated",
+]
 
-_NEAR_M, _NEAR_RAD = 0.06, np.deg2rad(30.0)
 _SEARCH_LIFT_S = 3.0
+_VARIATIONS = ((0.008, 0.15), (0.004, 0.07))
+"""Standard deviations of position (m) and rotation (rad) in each round of refinement."""
+_RACES = 3 + len(_VARIATIONS)
 _SURFACES = ((1.0, 0.25), (1.0, 0.5), (1.0, 1.5))
 _NEARBY = ((1.0, 0.7), (1.0, 1.4), (0.5, 1.0), (2.0, 1.0))
 """Factors on mass and friction."""
-
-
-@dataclass(frozen=True, eq=False)
-class FittedTrials:
-    """Estimates of one object and the outcomes that one gripper is said to have had.
-
-    Attributes:
-        obj_T_est: The estimates seen from the true object, metres, (n, 4, 4).
-        success: Given outcomes, (n,).
-    """
-
-    obj_T_est: Float[ndarray, "n 4 4"]
-    success: Bool[ndarray, " n"]
-
-    def __len__(self) -> int:
-        return len(self.success)
 
 
 @dataclass(frozen=True)
@@ -113,6 +108,24 @@ class FittedGrasp:
     candidates: int
     trials: int
 
+    def reference(self, seed: int, report: Agreement) -> ReferenceGrasp:
+        """As an entry of a table of grasps, with the figures of all three parts."""
+        parts = {"fit": self.fit, "choose": self.choose, "report": report}
+        figures: dict[str, str | int | float | bool] = {
+            f"{name}_{key}": round(getattr(found, key), 4)
+            for name, found in parts.items()
+            for key in ("accuracy", "kappa", "majority", "n")
+        }
+        figures |= {"perfect_held_of_20": self.held, "candidates": self.candidates}
+        figures |= {"trials": self.trials, "seed": seed}
+        return ReferenceGrasp(
+            grasp=self.grasp,
+            provenance=f"searched by graspcast fit-grasp on given outcomes; {self.origin}",
+            mass_kg=self.mass_kg,
+            friction=self.friction,
+            agreement=figures,
+        )
+
 
 def jitter_held(
     runner: TrialRunner, grasp: Grasp, count: int = 20, seed: int = 0
@@ -127,6 +140,20 @@ def jitter_held(
     return sum(runner.run(exp(t), grasp).success for t in twists), count
 
 
+def simulated(runner: TrialRunner, grasp: Grasp, trials: FittedTrials) -> Bool[ndarray, " n"]:
+    """Whether each of the trials succeeds in simulation."""
+    return np.array([runner.run(e, grasp).success for e in trials.obj_T_est], dtype=bool)
+
+
+def report_grasp(
+    found: FittedGrasp, grasp_object: GraspObject, gripper: Gripper, report: FittedTrials
+) -> Agreement:
+    """Agreement on trials that took no part in the search, all of them, at full length."""
+    thing = with_physics(grasp_object, mass_kg=found.mass_kg, friction=found.friction)
+    outcomes = simulated(TrialRunner(thing, gripper), found.grasp, report)
+    return agreement(outcomes, report.success)
+
+
 def fit_grasp(
     grasp_object: GraspObject,
     gripper: Gripper,
@@ -137,7 +164,7 @@ def fit_grasp(
     effort: SearchEffort | None = None,
     start: Sequence[Float[ndarray, "4 4"]] = (),
     settings: TrialSettings | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Callable[[str, float, float], None] | None = None,
 ) -> FittedGrasp:
     """Find the reference grasp that agrees best with given outcomes.
 
@@ -150,7 +177,8 @@ def fit_grasp(
         effort: How much to try.
         start: Grasps (``obj_T_grasp``) that race along with the proposals.
         settings: Of the trials; searching, the lift is cut to 3 s.
-        progress: Called with what is being done and the score of the best so far.
+        progress: Called with what is being done, the share of the races that are over, and the
+            agreement of the best so far.
 
     Raises:
         InputError: if a part has no trials, or no grasp at all holds a perfect estimate.
@@ -169,21 +197,22 @@ class _Search:
     fit: FittedTrials
     seed: int
     settings: TrialSettings
-    progress: Callable[[str, float], None] | None
+    progress: Callable[[str, float, float], None] | None
     trials: int = 0
+    races: int = 0
     _runners: dict[tuple[float, float, bool], TrialRunner] = field(default_factory=dict)
     _results: dict[_Candidate, dict[int, bool]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.seed)
-        self.sample = _Sample(self.fit, self.rng)
+        self.sample = StratifiedSample(self.fit, self.rng)
 
     def run(
         self, choose: FittedTrials, effort: SearchEffort, start: Sequence[ndarray]
     ) -> FittedGrasp:
         best = self._race(self._racers(effort, start), effort, keep=3)
         best = self._race([*best, *self._physics(best[0], _SURFACES)], effort, keep=3)
-        for shift_m, turn_rad in ((0.008, 0.15), (0.004, 0.07)):
+        for shift_m, turn_rad in _VARIATIONS:
             children = [
                 self._candidate(
                     vary(parent.obj_T_grasp, shift_m, turn_rad, self.rng),
@@ -268,8 +297,9 @@ class _Search:
             candidates = [c for _, c in found]
             if self.progress is not None:
                 words = f"{len(candidates)} racers, {trials} trials each"
-                self.progress(words, found[0][0].accuracy)
+                self.progress(words, self.races / _RACES, found[0][0].accuracy)
             if trials >= effort.last:
+                self.races += 1
                 return candidates[:keep]
             trials = min(2 * trials, effort.last)
             candidates = candidates[: max(keep, len(candidates) // 2)]
@@ -289,7 +319,7 @@ class _Search:
         self, finalists: list[_Candidate], part: FittedTrials, effort: SearchEffort
     ) -> FittedGrasp:
         """The finalist that agrees best on the choose part, of those that hold all jitters."""
-        rows, weights = _Sample(part, self.rng).take(effort.choose)
+        rows, weights = StratifiedSample(part, self.rng).take(effort.choose)
         out = []
         for candidate in finalists:
             grasp = self._grasp(candidate)
@@ -326,36 +356,6 @@ class _Search:
                 replace(self.settings, lift_s=lift_s),
             )
         return self._runners[key]
-
-
-class _Sample:
-    """Trials in a fixed order, so that more trials include the fewer ones.
-
-    Of successes, near failures and gross failures 40, 40 and 20 % are taken while there are any;
-    the weights make up for it.
-    """
-
-    _SHARES = (0.4, 0.4, 0.2)
-
-    def __init__(self, trials: FittedTrials, rng: np.random.Generator):
-        shift = np.linalg.norm(trials.obj_T_est[:, :3, 3], axis=1)
-        trace = np.trace(trials.obj_T_est[:, :3, :3], axis1=1, axis2=2)
-        near = (shift < _NEAR_M) & (np.arccos(np.clip((trace - 1) / 2, -1, 1)) < _NEAR_RAD)
-        kind = np.where(trials.success, 0, np.where(near, 1, 2))
-        self._rows = [rng.permutation(np.flatnonzero(kind == k)) for k in range(3)]
-
-    def take(self, count: int) -> tuple[Int[ndarray, " m"], Float[ndarray, " m"]]:
-        """Rows and what each stands for; all rows if there are fewer than ``count``."""
-        sizes = [len(rows) for rows in self._rows]
-        take = np.zeros(3, dtype=int)
-        while take.sum() < min(count, sum(sizes)):
-            behind = [
-                (take[k] + 1) / self._SHARES[k] if take[k] < sizes[k] else np.inf for k in range(3)
-            ]
-            take[int(np.argmin(behind))] += 1
-        rows = [r[:n] for r, n in zip(self._rows, take, strict=True)]
-        weights = [np.full(n, len(r) / max(n, 1)) for r, n in zip(self._rows, take, strict=True)]
-        return np.concatenate(rows), np.concatenate(weights)
 
 
 def _score(found: Agreement) -> float:
