@@ -3,9 +3,27 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
+import jaxtyping
 import pytest
+from hypothesis import settings
+
+from graspcast.published import Published
+
+# Imports and shared machines take their time; no test is about how long it takes.
+settings.register_profile("graspcast", deadline=None)
+settings.load_profile("graspcast")
+
+
+@pytest.fixture(autouse=True)
+def _run_time_types(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Under ``--jaxtyping-packages`` annotations hold, but where a test breaks them on purpose."""
+    on_purpose = request.node.get_closest_marker("ill_typed") is not None
+    jaxtyping.config.update("jaxtyping_disable", on_purpose)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
 
 
 @pytest.fixture(scope="session")
@@ -24,3 +42,9 @@ def data_dir() -> Path:
 @pytest.fixture(scope="session")
 def published(data_dir: Path) -> Path:
     return data_dir / "published"
+
+
+@pytest.fixture(scope="session")
+def data(data_dir: Path) -> Published:
+    """The published data, read once a session."""
+    return Published(data_dir)

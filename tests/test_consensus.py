@@ -169,6 +169,7 @@ def test_no_ground_truth_can_get_in() -> None:
         assert set(names) <= {"estimates", "principal", "which", "models"}
 
 
+@pytest.mark.ill_typed
 def test_missing_models_and_names(models: dict[str, Models]) -> None:
     with pytest.raises(MismatchError, match="no object models for dataset 'd'; known: none"):
         consensus_features(three(), "a", which="rich")

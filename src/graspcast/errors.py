@@ -7,7 +7,9 @@
     │   ├── FormatError       a file does not hold what its format promises
     │   ├── UnknownNameError  a name that nobody knows; the message lists those that are known
     │   └── MismatchError     two inputs are each fine, but do not belong together
-    └── ExtraMissingError     an optional dependency is not installed; the message has the pip line
+    ├── ExtraMissingError     an optional dependency is not installed; the message has the pip line
+    ├── CampaignStoppedError  a campaign could not go on; what it has computed is kept
+    └── WorkerLostError       a process that computed trials has died
 
 The command line turns each of them into one message and exit code 2.
 """
@@ -19,12 +21,14 @@ from difflib import get_close_matches
 from os import PathLike
 
 __all__ = [
+    "CampaignStoppedError",
     "ExtraMissingError",
     "FormatError",
     "GraspcastError",
     "InputError",
     "MismatchError",
     "UnknownNameError",
+    "WorkerLostError",
 ]
 
 
@@ -73,6 +77,14 @@ class UnknownNameError(InputError):
 
 class MismatchError(InputError):
     """Two inputs are each fine, but do not belong together."""
+
+
+class CampaignStoppedError(GraspcastError):
+    """A campaign could not go on; what it has computed is kept, and it can be gone on with."""
+
+
+class WorkerLostError(GraspcastError):
+    """A process that computed trials has died."""
 
 
 class ExtraMissingError(GraspcastError):

@@ -68,7 +68,7 @@ def transform_points(
 
 def is_identity(a_T_b: Float[ndarray, "*batch 4 4"]) -> Bool[ndarray, "*batch"]:
     """Where a transform is exactly the identity, the placeholder for 'nothing found'."""
-    return np.all(a_T_b == np.eye(4), axis=(-2, -1))
+    return np.asarray(np.all(a_T_b == np.eye(4), axis=(-2, -1)))
 
 
 def quaternion(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch 4"]:
@@ -111,7 +111,7 @@ def rotation_from_quaternion(q: Float[ndarray, "*batch 4"]) -> Float[ndarray, "*
 def rotation_angle(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch"]:
     """The angle of a rotation, in [0, pi]; accurate near 0 and near pi, where acos is not."""
     q = quaternion(rotation)
-    return 2.0 * np.arctan2(np.linalg.norm(q[..., 1:], axis=-1), q[..., 0])
+    return np.asarray(2.0 * np.arctan2(np.linalg.norm(q[..., 1:], axis=-1), q[..., 0]))
 
 
 def rotation_vector(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch 3"]:

@@ -14,7 +14,7 @@ from graspcast.bop.models import Models
 from graspcast.bop.results import Results, dataset_of, read_results
 from graspcast.errors import FormatError, InputError, MismatchError, UnknownNameError
 from graspcast.estimates import Estimates, align, concatenate
-from graspcast.outcomes import KEYS, read_outcomes
+from graspcast.outcomes import read_all_outcomes
 
 __all__ = ["Inputs", "load_inputs", "load_outcomes"]
 
@@ -161,13 +161,10 @@ def load_outcomes(paths: Sequence[Path], estimators: Sequence[str]) -> pl.DataFr
     """Read outcomes from several files or directories as one table.
 
     Raises:
-        FormatError: naming the file that is wrong.
+        InputError: naming the file that is wrong.
         UnknownNameError: if none of the estimators has outcomes.
-        InputError: if two files hold the same trial.
     """
-    table = pl.concat([read_outcomes(path) for path in paths])
-    if table.select(KEYS).is_duplicated().any():
-        raise InputError(f"{', '.join(map(str, paths))}: hold some trials twice")
+    table = read_all_outcomes(paths)
     known = table["estimator"].unique().sort().to_list()
     if not set(known) & set(estimators):
         raise UnknownNameError(

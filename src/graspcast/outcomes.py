@@ -7,16 +7,17 @@ detection among those of its object in its image.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
-from graspcast.errors import FormatError
+from graspcast.errors import FormatError, InputError
 from graspcast.files import atomic_write
 
-__all__ = ["KEYS", "read_outcomes", "write_table"]
+__all__ = ["KEYS", "read_all_outcomes", "read_outcomes", "write_table"]
 
 KEYS = ("estimator", "dataset", "scene_id", "im_id", "obj_id", "inst_id", "gripper")
 _COLUMNS: dict[str, Any] = {
@@ -49,6 +50,14 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
     if "inst_id" not in frame.columns:
         frame = frame.with_columns(inst_id=pl.lit(0, pl.Int64))
     kinds = {**_COLUMNS, "inst_id": pl.Int64}
+    for name, kind in kinds.items():
+        column = frame[name]
+        # A cast would cut the fraction off.
+        if kind == pl.Int64 and column.dtype.is_float() and (cut := column % 1 != 0).any():
+            row = cut.arg_true()[0]
+            raise FormatError(
+                path, f"{name} is {column[row]}, not a whole number", where=f"row {row + 1}"
+            )
     try:
         frame = frame.select(pl.col(name).cast(kinds[name]) for name in (*KEYS, "success"))
     except pl.exceptions.PolarsError as error:
@@ -69,6 +78,20 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
         values = ", ".join(f"{k} {v}" for k, v in twice.select(KEYS).row(0, named=True).items())
         raise FormatError(path, f"{len(twice)} rows share their trial with another: {values}")
     return frame
+
+
+def read_all_outcomes(paths: Iterable[str | PathLike[str]]) -> pl.DataFrame:
+    """Read outcomes from several files or directories as one table.
+
+    Raises:
+        FormatError: naming the file that is wrong.
+        InputError: if two of them hold the same trial.
+    """
+    paths = list(paths)
+    table = pl.concat([read_outcomes(path) for path in paths])
+    if table.select(KEYS).is_duplicated().any():
+        raise InputError(f"{', '.join(map(str, paths))}: hold some trials twice")
+    return table
 
 
 def _read(path: Path) -> pl.DataFrame:

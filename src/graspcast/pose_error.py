@@ -7,6 +7,8 @@ them pair by pair. ADD and ADD-S: Hinterstoisser et al., ACCV 2012; MSSD and MSP
 
 from __future__ import annotations
 
+from typing import no_type_check
+
 import numpy as np
 from jaxtyping import Float
 from numba import njit, prange
@@ -30,7 +32,8 @@ _WORTH_THREADS = 200_000
 """Points; below, waking the threads takes longer than the work."""
 
 
-def _distances(difference, points):  # type: ignore[no-untyped-def]
+@no_type_check
+def _distances(difference, points):
     """Mean and largest length of ``D v + d`` over points, for rows [D | d] of each difference."""
     n, count = difference.shape[0], points.shape[1]
     mean, largest = np.empty(n), np.empty(n)
@@ -63,8 +66,9 @@ def _mean_and_largest(
     return mean, largest
 
 
+@no_type_check
 @njit(parallel=True, cache=True, fastmath=_FAST)
-def _largest_pixel_distance(first, second, points):  # type: ignore[no-untyped-def]
+def _largest_pixel_distance(first, second, points):
     """Largest distance of projections by 3x4 matrices ``first[i]`` and ``second[i, s]``."""
     n, symmetries, count = second.shape[0], second.shape[1], points.shape[1]
     out = np.empty((n, symmetries))

@@ -10,6 +10,7 @@ BOP dataset directories for the object models in ``DIR/bop``::
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
@@ -25,7 +26,7 @@ from graspcast.bop.results import read_results
 from graspcast.errors import InputError
 from graspcast.estimates import Estimates, align, concatenate
 from graspcast.learning.samples import Samples, join, published_part, read_split
-from graspcast.outcomes import read_outcomes
+from graspcast.outcomes import read_all_outcomes
 
 __all__ = ["DATASETS", "ESTIMATORS", "GRIPPERS", "OBJECTS", "Published"]
 
@@ -56,14 +57,23 @@ OBJECTS = {
 class Published:
     """The published data in a directory, read when asked for.
 
+    Args:
+        directory: Where it is.
+        outcomes: Outcomes of one's own (a campaign's directory, Parquet or CSV) instead of the
+            published ones.
+
     Raises:
         InputError: if the directory is not one.
     """
 
     directory: Path
+    own_outcomes: tuple[Path, ...] = ()
 
-    def __init__(self, directory: str | PathLike[str]):
+    def __init__(
+        self, directory: str | PathLike[str], *, outcomes: Iterable[str | PathLike[str]] = ()
+    ):
         object.__setattr__(self, "directory", Path(directory))
+        object.__setattr__(self, "own_outcomes", tuple(map(Path, outcomes)))
         if not (self.files / "lmo" / "trials.csv").is_file():
             raise InputError(
                 f"{directory}: no published/lmo/trials.csv here; --data takes a directory that "
@@ -106,7 +116,8 @@ class Published:
     @cached_property
     def outcomes(self) -> pl.DataFrame:
         """Outcomes of all trials."""
-        return pl.concat([read_outcomes(self.files / name / "trials.csv") for name in DATASETS])
+        published = [self.files / name / "trials.csv" for name in DATASETS]
+        return read_all_outcomes(self.own_outcomes or published)
 
     @cached_property
     def estimates(self) -> Estimates:

@@ -18,8 +18,14 @@ import pytest
 from campaign_script import make_requests
 
 import graspcast.errors
-from graspcast.errors import FormatError, InputError, MismatchError, UnknownNameError
-from graspcast.grasping.campaign import CampaignStoppedError, Progress, run_campaign
+from graspcast.errors import (
+    CampaignStoppedError,
+    FormatError,
+    InputError,
+    MismatchError,
+    UnknownNameError,
+)
+from graspcast.grasping.campaign import Progress, run_campaign
 from graspcast.grasping.executors import LocalExecutor, usable_cores
 from graspcast.grasping.grasps import read_grasps
 from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
@@ -231,7 +237,7 @@ def test_another_configuration_refuses_to_mix(
 ) -> None:
     before = {p.name: p.read_bytes() for p in complete.glob("[!.]*")}
     pair = pairs["ycbv-4", "parallel"]
-    named = "ycbv-4 by franka"
+    named = "ycbv-4 by parallel"
     if change == "settings":
         pair = Pair(pair.grasp_object, pair.gripper, pair.grasp, TrialSettings(lift_s=14.0))
     elif change == "friction":
@@ -360,7 +366,7 @@ def test_requests_that_are_wrong(requests: TrialRequests) -> None:
 
 def test_an_object_without_a_grasp(requests: TrialRequests) -> None:
     keys = _changed(requests, obj_id=pl.lit(10), dataset=pl.lit("lmo"))
-    with pytest.raises(UnknownNameError, match="grasp of 'lmo-10' by 'franka'"):
+    with pytest.raises(UnknownNameError, match="grasp of 'lmo-10' by 'parallel'"):
         load_pairs(TrialRequests(keys, requests.obj_T_est), read_grasps())
 
 
@@ -377,7 +383,7 @@ def test_a_trial_that_fails_stops_with_its_cause(
     other = replace(pair.grasp, object="ycbv-9")
     wrong = Pair(pair.grasp_object, pair.gripper, other, pair.settings)
     with pytest.raises(
-        CampaignStoppedError, match=r"a trial of ycbv-4 by franka failed: MismatchError.*0 of 40"
+        CampaignStoppedError, match=r"a trial of ycbv-4 by parallel failed: MismatchError.*0 of 40"
     ):
         run_campaign(requests, {("ycbv-4", "parallel"): wrong}, tmp_path / "o", executor=ONE)
 
@@ -390,7 +396,7 @@ def test_the_card_reads_as_it_says(complete: Path) -> None:
     manifest = json.loads((complete / "manifest.json").read_text())
     for name in manifest["pairs"][0]["settings"]:
         assert f"| `{name}` |" in card
-    assert f"| epos | franka | 40 | {outcomes['success'].mean():.3f} |" in card
+    assert f"| epos | parallel | 40 | {outcomes['success'].mean():.3f} |" in card
     assert "CC BY 4.0" in card and "- epos: a test" in card and "LM-O" not in card
     pandas = pytest.importorskip("pandas")
     pytest.importorskip("pyarrow")

@@ -17,7 +17,7 @@ from numpy import ndarray
 from solids import IDENTITY, box, cylinder, errors, from_above, raised, sphere
 
 from graspcast.errors import InputError, MismatchError
-from graspcast.geometry import exp, transform
+from graspcast.geometry import exp, invert, transform
 from graspcast.grasping import trial as trial_module
 from graspcast.grasping.grippers import FrankaHand, TendonHand, load_gripper
 from graspcast.grasping.scene import HAND, Scene
@@ -81,6 +81,32 @@ def test_the_tool_centre_point_goes_to_the_grasp_carried_over_to_the_estimate(gr
     lifted = places[-1][1] - grasped
     np.testing.assert_allclose(lifted[:3, :3], 0.0, atol=1e-9)
     np.testing.assert_allclose(lifted[:3, 3], [0, 0, runner.settings.lift_height_m], atol=3e-3)
+
+
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_where_an_object_s_frame_is_makes_no_difference(gripper: str) -> None:
+    plain = box(0.05, 0.07, 0.06)
+    new_T_old = exp(np.array([0.15, -0.1, 0.05, 0.4, 0.9, -0.3]))
+    turn = new_T_old[:3, :3]
+    shifted = replace(
+        plain,
+        pieces=tuple(replace(p, obj_T_geom=new_T_old @ p.obj_T_geom) for p in plain.pieces),
+        centroid=new_T_old[:3, 3],
+        inertia=turn @ plain.inertia @ turn.T,
+        sim_T_ref=plain.sim_T_ref @ invert(new_T_old),
+    )
+    runner, grasp = setup(gripper, plain)
+    other = TrialRunner(shifted, load_gripper(gripper))
+    moved_grasp = replace(grasp, obj_T_grasp=new_T_old @ grasp.obj_T_grasp)
+    reasons = []
+    for error in errors(np.random.default_rng(4), 12, 0.015, 0.15):
+        one = runner.run(error, grasp)
+        same = other.run(new_T_old @ error @ invert(new_T_old), moved_grasp)
+        assert one.reason == same.reason
+        if one.success:
+            assert one.offset_m == pytest.approx(same.offset_m, abs=5e-3)
+        reasons.append(one.reason)
+    assert len(set(reasons)) > 1
 
 
 @pytest.mark.parametrize("gripper", GRIPPERS)

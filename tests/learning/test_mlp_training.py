@@ -334,6 +334,7 @@ def _with(**changes: object) -> Callable[[Problem], Problem]:
     return lambda one: replace(one, **changes)  # type: ignore[arg-type]
 
 
+@pytest.mark.ill_typed
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [
@@ -343,7 +344,9 @@ def _with(**changes: object) -> Callable[[Problem], Problem]:
         (_with(inputs=np.zeros((0, 12)), labels=np.zeros(0, bool)), InputError, "no samples"),
         (_with(inputs=np.zeros((90, 11))), MismatchError, "watch 0: 12 inputs, but 11"),
         (
-            _with(watch=(Watch(np.zeros((2, 12)), np.zeros(2, bool), np.zeros(3, int)),)),
+            lambda one: replace(
+                one, watch=(Watch(np.zeros((2, 12)), np.zeros(2, bool), np.zeros(3, int)),)
+            ),
             MismatchError,
             "3 groups for 2 samples",
         ),

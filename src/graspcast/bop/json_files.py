@@ -17,7 +17,7 @@ from graspcast.errors import FormatError
 __all__ = ["identifier", "numbers", "read_json", "require"]
 
 
-def read_json(path: str | PathLike[str], kind: type[dict[Any, Any]] | type[list[Any]]) -> Any:
+def read_json(path: str | PathLike[str], kind: type[object]) -> Any:
     """Parse a JSON file whose top level must be a ``kind`` (dict or list).
 
     Raises:

@@ -1,4 +1,4 @@
-"""The verb ``simulate``: grasp trials guided by estimates."""
+"""Verbs about trials: ``simulate`` and ``check-gripper``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["add_verbs", "words_of"]
 
 
 def add_verbs(verbs: Verbs) -> None:
-    """Add this module's verb."""
+    """Add this module's verbs."""
     verb = add_verb(
         verbs,
         "simulate",
@@ -49,6 +49,28 @@ def add_verbs(verbs: Verbs) -> None:
     )
     verb.add_argument("--address", metavar="URL", help="of the Ray cluster, if not found by itself")
     add_out(verb, "the campaign's directory; one that holds part of it is gone on with")
+
+    verb = add_verb(
+        verbs,
+        "check-gripper",
+        _check_gripper,
+        "whether an own gripper is fit for trials",
+        "Check that a gripper, given as MJCF with a short TOML, does what trials need of one: it\n"
+        "opens, closes, settles, holds, drops, and does the same again.",
+    )
+    verb.add_argument("gripper", metavar="FILE", help="the gripper's .toml, or a built-in's name")
+
+
+def _check_gripper(options: argparse.Namespace) -> None:
+    from graspcast.errors import InputError
+    from graspcast.grasping.conformance import check_gripper
+    from graspcast.grasping.grippers import load_gripper
+
+    report = check_gripper(load_gripper(options.gripper))
+    print_text(str(report))
+    if not report.passed:
+        names = ", ".join(check.name for check in report.failures)
+        raise InputError(f"{options.gripper} does not pass: {names}")
 
 
 def _executor(options: argparse.Namespace) -> Executor:

@@ -49,6 +49,14 @@ def add_verbs(verbs: Verbs) -> None:
     verb.add_argument(
         "--seeds", metavar="N", type=_positive, default=1, help="train with so many seeds"
     )
+    verb.add_argument(
+        "--outcomes",
+        metavar="FILE",
+        type=Path,
+        action="append",
+        default=[],
+        help="outcomes of one's own (a campaign's directory) instead of the published ones",
+    )
     add_json(verb)
 
 
@@ -203,7 +211,7 @@ def _reproduce(options: argparse.Namespace) -> None:
     from graspcast.report.markdown import render
     from graspcast.report.paper import reproduce
 
-    data = Published(options.data)
+    data = Published(options.data, outcomes=options.outcomes)
     with progress_bar("reading") as move:
         found = reproduce(
             data,

@@ -17,7 +17,7 @@ import numpy as np
 import polars as pl
 
 from graspcast._version import __version__
-from graspcast.errors import GraspcastError
+from graspcast.errors import CampaignStoppedError, GraspcastError
 from graspcast.grasping.card import write_card
 from graspcast.grasping.executors import Executor, LocalExecutor
 from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
@@ -25,13 +25,9 @@ from graspcast.grasping.store import COLUMNS, Store
 from graspcast.grasping.trial import Outcome
 from graspcast.grasping.work import Chunk, Pair
 
-__all__ = ["CampaignStoppedError", "Progress", "run_campaign"]
+__all__ = ["Progress", "run_campaign"]
 
 _CHUNK = 16
-
-
-class CampaignStoppedError(GraspcastError):
-    """A campaign could not go on; what it has computed is kept, and it can be gone on with."""
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ def beyond_reach(scene: Scene, start: Float[ndarray, " 3"], end: Float[ndarray, 
     length = float(along @ along)
     nearest = np.clip((centre[:2] - start[:2]) @ along / length, 0.0, 1.0) if length > 0 else 0.0
     sideways = float(np.linalg.norm(centre[:2] - start[:2] - nearest * along))
-    return sideways > reach or min(start[2], end[2]) - centre[2] > reach
+    return bool(sideways > reach or min(start[2], end[2]) - centre[2] > reach)
 
 
 def left_behind_m(
@@ -44,27 +44,27 @@ def left_behind_m(
 ) -> float | None:
     """How far from the hand the object will be, if it certainly stays behind; else None.
 
-    The hand must be at rest in itself and not touch the object. Then, as it only moves up, it
-    cannot come to an object that lies still and has none of the hand's parts under any of its own,
-    nor to one that is wholly below the hand and has not the energy to rise to it.
+    To be asked of a closed hand that does not touch the object. As it only moves up, it cannot
+    come to an object that lies still on the table and has none of the hand's parts under any of its
+    own, nor to one that is wholly below the hand and has not the energy to rise to it. All this
+    with a margin, wider by as far as fingers still on their way could go in a second.
     """
     data = scene.data
-    if scene.hand_speed() > _AT_REST:
-        return None
-    velocity = data.qvel[:6]
-    speeds = float(velocity[:3] @ velocity[:3]), float(velocity[3:] @ velocity[3:])
-    rise = 0.5 * (speeds[0] + speeds[1] * scene.object_radius_m**2) / 9.81
+    margin = _CLEARANCE_M + 2.0 * scene.hand_speed()
+    velocity, centre = data.qvel[:6], scene.model.body_ipos[scene.object_body]
+    turning = float(np.linalg.norm(velocity[3:]))
+    speed = float(np.linalg.norm(velocity[:3]) + turning * np.linalg.norm(centre))
+    spin = turning * scene.object_radius_m
+    rise = (speed**2 + spin**2) / (2.0 * 9.81)
     hand_low, hand_high = scene.hand_boxes()
     top = data.xipos[scene.object_body][2] + scene.object_radius_m + rise
-    below = top + _CLEARANCE_M < hand_low[:, 2].min()
-    still = speeds[0] < _AT_REST**2 and speeds[1] * scene.object_radius_m**2 < _AT_REST**2
-    if not below and not (still and scene.touch().table_object):
-        return None
-    if not below:
+    if top + margin > hand_low[:, 2].min():
+        if speed + spin > _AT_REST or not scene.touch().table_object:
+            return None
         low, high = scene.object_boxes()
         over = np.all(
-            (hand_low[:, None, :2] < high[None, :, :2] + _CLEARANCE_M)
-            & (hand_high[:, None, :2] > low[None, :, :2] - _CLEARANCE_M),
+            (hand_low[:, None, :2] < high[None, :, :2] + margin)
+            & (hand_high[:, None, :2] > low[None, :, :2] - margin),
             axis=2,
         )
         if np.any(over & (hand_low[:, None, 2] < high[None, :, 2])):

@@ -10,22 +10,19 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait as wait_for
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
-from graspcast.errors import ExtraMissingError, GraspcastError, InputError
+from graspcast.errors import ExtraMissingError, InputError, WorkerLostError
 from graspcast.grasping.trial import Outcome
 from graspcast.grasping.work import Chunk, Pair, run_chunk
 
-__all__ = ["Executor", "LocalExecutor", "RayExecutor", "WorkerLostError", "usable_cores"]
+__all__ = ["Executor", "LocalExecutor", "RayExecutor", "usable_cores"]
 
 Pairs = Mapping[tuple[str, str], Pair]
 Done = tuple[Chunk, list[Outcome]]
 
 
-class WorkerLostError(GraspcastError):
-    """A process that computed trials has died."""
-
-
+@runtime_checkable
 class Executor(Protocol):
     """Computes chunks of trials, in any order."""
 

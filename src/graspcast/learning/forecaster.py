@@ -5,8 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from os import PathLike
 from pathlib import Path
@@ -100,13 +99,7 @@ class Forecaster:
             MismatchError: for other estimators or objects than it was trained for.
         """
         card = self.card
-        lacking = [n for n in (card.principal, *card.supporters) if n not in estimates.estimators]
-        if lacking:
-            raise MismatchError(
-                f"this model needs estimates by {card.principal} (principal) and "
-                f"{', '.join(card.supporters)}, but there are none by {', '.join(lacking)}; "
-                f"given: {', '.join(estimates.estimators)}"
-            )
+        self._check_estimators(estimates.estimators)
         values = _features(estimates.only(card.principal, *card.supporters), card, models)
         return self.predictor.probability(values, self._object_numbers(estimates.objects))
 
@@ -131,9 +124,9 @@ class Forecaster:
             InputError: for a pose that is not one, or a threshold that is no probability.
         """
         check_threshold(threshold)
+        self._check_estimators(poses)
+        self._object_numbers(np.array([object_name]))
         dataset, _, number = object_name.rpartition("-")
-        if not number.isdigit():
-            raise InputError(f"an object is called DATASET-NUMBER (lmo-1), not {object_name!r}")
         for name, pose in poses.items():
             if np.shape(pose) != (4, 4) or not np.isfinite(pose).all():
                 raise InputError(f"the pose by {name} is not a 4x4 matrix of finite numbers")
@@ -148,6 +141,16 @@ class Forecaster:
             cam_T_obj=np.stack([np.asarray(p, np.float64)[None] for p in poses.values()]),
         )
         return decide(float(self.probability(estimates, models)[0]), threshold)
+
+    def _check_estimators(self, given: Collection[str]) -> None:
+        card = self.card
+        lacking = [name for name in (card.principal, *card.supporters) if name not in given]
+        if lacking:
+            raise MismatchError(
+                f"this model needs estimates by {card.principal} (principal) and "
+                f"{', '.join(card.supporters)}, but there are none by {', '.join(lacking)}; "
+                f"given: {', '.join(given) or 'none'}"
+            )
 
     def _object_numbers(self, names: ndarray) -> ndarray:
         number = {name: i for i, name in enumerate(self.card.objects)}
@@ -176,7 +179,7 @@ class Forecaster:
         """
         path = Path(path)
         try:
-            # A file of our own opening is closed even if NumPy finds it broken.
+            # Opened here, since NumPy leaves what is no archive open.
             with path.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
                 content = json.loads(str(data["card"]))
                 arrays = {k.removeprefix("predictor/"): data[k] for k in data.files if k != "card"}
@@ -185,18 +188,11 @@ class Forecaster:
             card = _card(content["card"])
             kind = Thresholds if card.method == "threshold" else NetworkEnsemble
             return cls(card, kind.from_arrays(arrays))
+        except FormatError:
+            raise
         except OSError as error:
             raise FormatError(path, f"cannot be read ({error.strerror or error})") from error
-        except (
-            ValueError,
-            KeyError,
-            TypeError,
-            EOFError,
-            InputError,
-            zipfile.BadZipFile,
-        ) as error:
-            if isinstance(error, FormatError):
-                raise
+        except Exception as error:  # those of zipfile, zlib, tokenize and NumPy have no common base
             raise FormatError(
                 path, f"is not a whole model file ({error}); train it again"
             ) from error
@@ -329,6 +325,8 @@ def cross_validate(
         seen = np.isin(samples.objects[test], np.unique(samples.objects[train]))
         forecaster = train_forecaster(samples.select(train), progress=step, **options)
         test = test[seen]
+        if not len(test):
+            continue
         chosen = samples.estimates.select(test)
         probability[test] = forecaster.probability(chosen, options.get("models"))
     scored = ~np.isnan(probability)

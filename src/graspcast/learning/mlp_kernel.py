@@ -64,6 +64,8 @@ def _compiled(function: Callable[..., None]) -> Callable[..., None]:
         "fastmath": set(lanes.FAST),
         "error_model": "numpy",
     }
+    # A checker of types at run time wraps functions, but cannot be compiled.
+    function = inspect.unwrap(function)
     try:
         # numba's cache notices a change of this file, but not of the one with the lanes.
         function.__qualname__ += f"_{zlib.crc32(inspect.getsource(lanes).encode()):08x}"

@@ -94,7 +94,7 @@ class Checkpoint:
 
     epoch: int
     mlp: Mlp
-    probabilities: tuple[Float[ndarray, "n"], ...]
+    probabilities: tuple[Float[ndarray, "_"], ...]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -21,6 +21,7 @@ __all__ = ["NetworkEnsemble", "NetworkSettings", "Predictor", "Thresholds"]
 POOLED = "*"
 
 
+@runtime_checkable
 class Predictor(Protocol):
     """What a forecaster needs; objects are numbers from 0."""
 
@@ -213,6 +214,8 @@ class NetworkEnsemble:
         width = len(out.shift) + (out.objects if out.pools_objects else 0)
         if any(network.widths[0] != width for pool in members for network in pool):
             raise InputError(f"its networks do not take {width} inputs")
+        if out.scale.shape != out.shift.shape:
+            raise InputError(f"{out.shift.shape} shifts, but {out.scale.shape} scales")
         return out
 
 

@@ -176,7 +176,11 @@ def by_scene(samples: Samples, *, folds: int = 5, seed: int = 0) -> Iterator[Fol
         raise MismatchError(f"{count} scenes cannot make {folds} folds; ask for fewer folds")
     splitter = StratifiedGroupKFold(n_splits=folds, shuffle=True, random_state=seed)
     # Objects too should be spread evenly, so they are part of what is stratified.
-    strata = [f"{o}:{s}" for o, s in zip(samples.objects, samples.success, strict=True)]
+    names = [f"{o}:{s}" for o, s in zip(samples.objects, samples.success, strict=True)]
+    _, strata, sizes = np.unique(names, return_inverse=True, return_counts=True)
+    # What is rarer than the folds cannot be spread over them, and scikit-learn would not have it.
+    rare = sizes[strata] < folds
+    strata[rare] = -1 if rare.sum() >= folds else np.argmax(sizes)
     yield from splitter.split(np.zeros(len(samples)), strata, groups)
 
 

@@ -37,6 +37,9 @@ def load_gripper(name_or_path: str | PathLike[str]) -> Gripper:
     name = _OTHER_NAMES.get(str(name_or_path), str(name_or_path))
     if name not in GRIPPERS:
         raise UnknownNameError(
-            "gripper", name_or_path, GRIPPERS, hint="An own gripper is given by its .toml file."
+            "gripper",
+            name_or_path,
+            [*GRIPPERS, *_OTHER_NAMES],
+            hint="An own gripper is given by its .toml file.",
         )
     return GRIPPERS[name]()

@@ -1,0 +1,152 @@
+"""Outcomes of trials: three ways to store them, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from graspcast.errors import FormatError
+from graspcast.outcomes import KEYS, read_outcomes, write_table
+
+HEADER = "estimator,dataset,scene_id,im_id,obj_id,gripper,success"
+ROWS = ["epos,lmo,2,3,1,parallel,1", "epos,lmo,2,3,5,parallel,0", "gdrnpp,lmo,2,3,1,parallel,1"]
+
+
+def write(path: Path, *rows: str, header: str = HEADER) -> Path:
+    path.write_text("\n".join([header, *rows]) + "\n")
+    return path
+
+
+def test_csv_parquet_and_shards_say_the_same(tmp_path: Path) -> None:
+    from_csv = read_outcomes(write(tmp_path / "a.csv", *ROWS))
+    assert from_csv.columns == [*KEYS, "success"]
+    assert from_csv["inst_id"].to_list() == [0, 0, 0]
+    assert from_csv["success"].to_list() == [1, 0, 1]
+    write_table(tmp_path / "a.parquet", from_csv)
+    assert read_outcomes(tmp_path / "a.parquet").equals(from_csv)
+    for i in range(3):
+        write_table(tmp_path / "campaign" / f"{i % 2}" / f"part-{i}.parquet", from_csv[i : i + 1])
+    shards = read_outcomes(tmp_path / "campaign")
+    assert shards.sort(KEYS).equals(from_csv.sort(KEYS))
+    write_table(tmp_path / "b.csv", from_csv)
+    assert read_outcomes(tmp_path / "b.csv").equals(from_csv)
+
+
+def test_columns_may_stand_in_any_order_with_others_beside_them(tmp_path: Path) -> None:
+    path = write(
+        tmp_path / "a.csv",
+        "1,0.5,2,parallel,epos,5,lmo,9,1",
+        header="success,score,scene_id,gripper,estimator,im_id,dataset,inst_id,obj_id",
+    )
+    row = ("epos", "lmo", 2, 5, 1, 9, "parallel", 1)
+    assert read_outcomes(path).row(0) == row
+
+
+def test_success_may_be_true_or_false(tmp_path: Path) -> None:
+    frame = read_outcomes(write(tmp_path / "a.csv", *ROWS))
+    write_table(tmp_path / "b.parquet", frame.with_columns(pl.col("success").cast(pl.Boolean)))
+    assert read_outcomes(tmp_path / "b.parquet").equals(frame)
+
+
+@pytest.mark.parametrize("name", KEYS[:5] + KEYS[6:] + ("success",))
+def test_a_column_that_is_not_there_is_named(tmp_path: Path, name: str) -> None:
+    header = ",".join(f"{c}s" if c == name else c for c in HEADER.split(","))
+    path = write(tmp_path / "a.csv", *ROWS, header=header)
+    with pytest.raises(FormatError) as caught:
+        read_outcomes(path)
+    assert str(caught.value) == f"{path}: no column {name!r}; found {', '.join(header.split(','))}"
+
+
+@pytest.mark.parametrize(
+    ("row", "says"),
+    [
+        ("epos,lmo,2,4,1,parallel,2", "row 4: an empty field, or a success that is neither 0 nor"),
+        ("epos,lmo,2,4,1,parallel,-1", "row 4: an empty field, or a success"),
+        ("epos,lmo,2,4,1,parallel,", "row 4: an empty field"),
+        ("epos,lmo,,4,1,parallel,1", "row 4: an empty field"),
+        (",lmo,2,4,1,parallel,1", "row 4: an empty field"),
+        ("epos,lmo,2,4,1,parallel,yes", "a column does not hold what it should"),
+        ("epos,lmo,2,four,1,parallel,1", "a column does not hold what it should"),
+        ("epos,lmo,2,4.5,1,parallel,1", "row 4: im_id is 4.5, not a whole number"),
+        ("epos,lmo,2,4,1,parallel,0.5", "row 4: success is 0.5, not a whole number"),
+        ("epos,lmo,2,4,1,parallel,NaN", "row 4: success is nan, not a whole number"),
+        (ROWS[0], "share their trial with another: estimator epos, dataset lmo, scene_id 2, im_id"),
+        ("epos,lmo,2,4,1,parallel,1,7", "is not a CSV file"),
+    ],
+)
+def test_a_bad_row_is_refused(tmp_path: Path, row: str, says: str) -> None:
+    path = write(tmp_path / "a.csv", *ROWS, row)
+    with pytest.raises(FormatError) as caught:
+        read_outcomes(path)
+    assert says in str(caught.value)
+    assert str(caught.value).startswith(str(path))
+
+
+def test_what_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match=r"a\.csv: cannot be read"):
+        read_outcomes(tmp_path / "a.csv")
+    (tmp_path / "a.parquet").write_bytes(b"PAR1")
+    with pytest.raises(FormatError, match=r"a\.parquet: is not a Parquet file"):
+        read_outcomes(tmp_path / "a.parquet")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(FormatError, match="no Parquet files in this directory"):
+        read_outcomes(tmp_path / "empty")
+    (tmp_path / "a.csv").write_text("")
+    with pytest.raises(FormatError, match="is not a CSV file"):
+        read_outcomes(tmp_path / "a.csv")
+    assert len(read_outcomes(write(tmp_path / "a.csv"))) == 0
+
+
+fields = st.sampled_from(["", "1", "0", "x", "-7", "1e9", '"', '"a', "99999999999999999999", "é"])
+tables = st.lists(st.lists(fields, max_size=9).map(",".join), max_size=4)
+
+
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    content=st.one_of(
+        st.binary(max_size=120),
+        tables.map(lambda t: "\n".join([HEADER, *t]).encode()),
+        st.binary(max_size=40).map(f"{HEADER}\n{ROWS[0]}\n".encode().__add__),
+    ),
+    ending=st.sampled_from(["csv", "parquet"]),
+)
+@example(content=b"PAR1" + bytes(8) + b"PAR1", ending="parquet")
+@example(content=b"\xef\xbb\xbf" + HEADER.encode(), ending="csv")
+def test_any_bytes_are_read_or_refused(content: bytes, ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"a.{ending}"
+    path.write_bytes(content)
+    try:
+        frame = read_outcomes(path)
+    except FormatError as error:
+        assert str(error).startswith(str(path))
+    else:
+        assert frame["success"].is_in([0, 1]).all()
+        assert frame.null_count().sum_horizontal().sum() == 0
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(place=st.integers(0, 10**6), value=st.integers(1, 255), cut=st.booleans())
+def test_a_damaged_parquet_file_is_read_or_refused(
+    place: int, value: int, cut: bool, tmp_path: Path
+) -> None:
+    write_table(tmp_path / "a.parquet", read_outcomes(write(tmp_path / "a.csv", *ROWS)))
+    content = bytearray((tmp_path / "a.parquet").read_bytes())
+    place %= len(content)
+    content[place] ^= value
+    (tmp_path / "a.parquet").write_bytes(content[:place] if cut else content)
+    try:
+        read_outcomes(tmp_path / "a.parquet")
+    except FormatError:
+        return
+    assert not cut
+
+
+@pytest.mark.parametrize("name", ["lmo", "ycbv"])
+def test_the_published_files_agree(published: Path, name: str) -> None:
+    from_csv = read_outcomes(published / name / "trials.csv")
+    assert from_csv.equals(read_outcomes(published / name / "trials.parquet"))
+    assert set(from_csv["gripper"]) == {"parallel", "underactuated"}
