@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from graspcast.grasping.campaign import Progress
     from graspcast.grasping.executors import Executor
 
-__all__ = ["add_verbs"]
+__all__ = ["add_verbs", "words_of"]
 
 
 def add_verbs(verbs: Verbs) -> None:
@@ -81,7 +81,8 @@ def _executor(options: argparse.Namespace) -> Executor:
     return LocalExecutor(options.workers)
 
 
-def _words(progress: Progress) -> str:
+def words_of(progress: Progress) -> str:
+    """A campaign's progress, for beside its bar."""
     left = progress.left_s
     remaining = f", {left / 60:.0f} min left" if 60 <= left < float("inf") else ""
     return f"{progress.done} of {progress.total} trials, {progress.rate:.1f}/s{remaining}"
@@ -126,7 +127,7 @@ def _simulate(options: argparse.Namespace) -> None:
             options.out,
             executor=_executor(options),
             sources=sources,
-            progress=lambda p: move(p.done / p.total, _words(p)),
+            progress=lambda p: move(p.done / p.total, words_of(p)),
         )
     keys = ["object", "gripper"]
     counts = outcomes.pivot("reason", index=keys, values="steps", aggregate_function="len")

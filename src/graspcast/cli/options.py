@@ -91,9 +91,11 @@ def add_bop(verb: argparse.ArgumentParser, *, required: bool = False) -> None:
     )
 
 
-def add_inputs(verb: argparse.ArgumentParser, *, bop_required: bool = False) -> None:
+def add_inputs(
+    verb: argparse.ArgumentParser, *, bop_required: bool = False, required: bool = True
+) -> None:
     """``--estimates``, ``--bop``, ``--ground-truth``, ``--objects``, ``--lenient``."""
-    add_estimates(verb, required=True)
+    add_estimates(verb, required=required)
     add_bop(verb, required=bop_required)
     verb.add_argument(
         "--objects", metavar="ID", nargs="+", default=[], help="only these (5, or lmo-5)"

@@ -19,7 +19,7 @@ from graspcast.grasping.objects import with_physics
 from graspcast.grasping.toml_table import TomlTable, read_toml
 from graspcast.grasping.types import Grasp, GraspObject
 
-__all__ = ["GraspTable", "ReferenceGrasp", "read_grasps", "write_grasps"]
+__all__ = ["GraspTable", "ReferenceGrasp", "grasps_in", "read_grasps", "write_grasps"]
 
 Figure = str | int | float | bool
 _HEADER = """\
@@ -113,8 +113,8 @@ def read_grasps(path: str | PathLike[str] | None = None) -> GraspTable:
         FormatError: naming the entry and the key.
     """
     built_in = Path(str(files("graspcast.grasping") / "grasps.toml"))
-    table = GraspTable(_read(built_in))
-    return table if path is None else table.updated(_read(Path(path)))
+    table = GraspTable(grasps_in(built_in))
+    return table if path is None else table.updated(grasps_in(path))
 
 
 def write_grasps(path: str | PathLike[str], grasps: Iterable[ReferenceGrasp]) -> None:
@@ -123,7 +123,9 @@ def write_grasps(path: str | PathLike[str], grasps: Iterable[ReferenceGrasp]) ->
     write_text(path, "\n".join([_HEADER, *(_entry_text(reference) for reference in ordered)]))
 
 
-def _read(path: Path) -> list[ReferenceGrasp]:
+def grasps_in(path: str | PathLike[str]) -> list[ReferenceGrasp]:
+    """The grasps of a file alone; errors as of :func:`read_grasps`."""
+    path = Path(path)
     tables = read_toml(path)
     outer = TomlTable(path, "the file", tables)
     entries = outer.take("grasp", list, [])

@@ -1,0 +1,186 @@
+"""Verbs that hold simulated trials against given outcomes: ``fit-grasp`` and ``validate-sim``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from graspcast.cli.campaign import words_of
+from graspcast.cli.console import note, print_table, print_text, progress_bar
+from graspcast.cli.options import (
+    Verbs,
+    add_inputs,
+    add_json,
+    add_out,
+    add_verb,
+    inputs_of,
+    write_json,
+)
+from graspcast.errors import InputError
+
+if TYPE_CHECKING:
+    from graspcast.grasping.labelled import LabelledTrials
+
+__all__ = ["add_verbs"]
+
+_DATA = "holds published/ (what import-release writes) and bop/"
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Add this module's verbs."""
+    verb = add_verb(
+        verbs,
+        "fit-grasp",
+        _fit_grasp,
+        "search a reference grasp that agrees with given outcomes",
+        "Search the reference grasp of an object by a gripper under which simulated outcomes\n"
+        "agree best with given ones: on a first part of the images, choosing on a second, and\n"
+        "reporting on a third that the search never sees. Writes or replaces it in a TOML file.",
+    )
+    verb.add_argument("--data", metavar="DIR", type=Path, help=f"{_DATA}; or name the inputs:")
+    add_inputs(verb, required=False)
+    verb.add_argument(
+        "--outcomes",
+        metavar="FILE",
+        type=Path,
+        action="append",
+        default=[],
+        help="trial outcomes: CSV, Parquet, or a campaign's directory; may be repeated",
+    )
+    verb.add_argument("--object", metavar="NAME", required=True, help="for example lmo-5")
+    verb.add_argument("--gripper", metavar="NAME", required=True, help="or an own one's .toml")
+    verb.add_argument(
+        "--catalogue", metavar="FILE", type=Path, help="objects (TOML) beside the built-in ones"
+    )
+    verb.add_argument("--seed", metavar="N", type=int, default=0, help="of everything random")
+    verb.add_argument(
+        "--budget",
+        metavar="X",
+        type=float,
+        default=1.0,
+        help="how much to try, 1 being some 1,200 trials (default: 1)",
+    )
+    add_out(verb, "the TOML file of grasps")
+    add_json(verb)
+
+    verb = add_verb(
+        verbs,
+        "validate-sim",
+        _validate_sim,
+        "simulate every published trial and compare",
+        "Simulate every trial that was published and print Table I (paper | ours) and, for each\n"
+        "object and gripper, how well the outcomes agree on the images that took no part in\n"
+        "fitting or choosing grasps. Started again, it goes on from where it was.",
+    )
+    verb.add_argument("--data", metavar="DIR", type=Path, required=True, help=_DATA)
+    verb.add_argument("--grasps", metavar="FILE", type=Path, help="beside the built-in grasps")
+    verb.add_argument("--workers", metavar="N", type=int, help="default: all cores")
+    verb.add_argument(
+        "--out", metavar="DIR", type=Path, help="the campaign (default: beside --json or here)"
+    )
+    add_json(verb)
+
+
+def _published_trials(directory: Path) -> tuple[LabelledTrials, dict[str, Path]]:
+    from graspcast.bop.results import read_results
+    from graspcast.grasping.labelled import labelled_trials
+    from graspcast.published import DATASETS, ESTIMATORS, Published
+
+    data = Published(directory)
+    # The paper's tables count placeholders for 'nothing found' as estimates.
+    results = {
+        name: {e: read_results(data.results_path(e, name), placeholders=True) for e in ESTIMATORS}
+        for name in DATASETS
+    }
+    trials = labelled_trials(results, data.bop, data.outcomes)
+    return trials, {name: dataset.root for name, dataset in data.bop.items()}
+
+
+def _trials_of(options: argparse.Namespace) -> tuple[LabelledTrials, dict[str, Path]]:
+    """The trials that the options name, and the datasets' BOP directories."""
+    from graspcast.grasping.labelled import labelled_trials
+    from graspcast.inputs import load_outcomes
+
+    if options.data is not None:
+        return _published_trials(options.data)
+    if not (options.estimates and options.bop and options.outcomes):
+        raise InputError("give --data, or else --estimates, --bop and --outcomes")
+    inputs = inputs_of(options)
+    names = sorted({name for tables in inputs.results.values() for name in tables})
+    trials = labelled_trials(
+        inputs.results, inputs.datasets, load_outcomes(options.outcomes, names)
+    )
+    for text in inputs.notes:
+        note(text)
+    return trials, {name: dataset.root for name, dataset in inputs.datasets.items()}
+
+
+def _fit_grasp(options: argparse.Namespace) -> None:
+    from dataclasses import asdict
+
+    from graspcast.grasping.catalogue import read_catalogue
+    from graspcast.grasping.fit import SearchEffort, fit_grasp, report_grasp
+    from graspcast.grasping.grasps import grasps_in, read_grasps, write_grasps
+    from graspcast.grasping.grippers import load_gripper
+    from graspcast.grasping.objects import load_object
+
+    trials, bop_dirs = _trials_of(options)
+    gripper = load_gripper(options.gripper)
+    grasp_object = load_object(
+        options.object, bop_dirs=bop_dirs, catalogue=read_catalogue(options.catalogue)
+    )
+    pair = (grasp_object.name, gripper.name)
+    mine = grasps_in(options.out) if options.out.exists() else []
+    known = read_grasps().updated(mine)
+    with progress_bar("searching") as move:
+        found = fit_grasp(
+            grasp_object,
+            gripper,
+            trials.of(*pair, "fit"),
+            trials.of(*pair, "choose"),
+            seed=options.seed,
+            effort=SearchEffort().scaled(options.budget),
+            start=[known(*pair).grasp.obj_T_grasp] if pair in known else [],
+            progress=lambda words, done, best: move(done, f"{words}, best {best:.3f}"),
+        )
+    reported = report_grasp(found, grasp_object, gripper, trials.of(*pair, "report"))
+    reference = found.reference(options.seed, reported)
+    rows = [[name.replace("_", " "), str(value)] for name, value in reference.agreement.items()]
+    print_table(f"{pair[0]} by {pair[1]}", ["", ""], rows)
+    others = [r for r in mine if (r.grasp.object, r.grasp.gripper) != pair]
+    write_grasps(options.out, [*others, reference])
+    print_text(f"{options.out}: {len(others) + 1} grasps")
+    write_json(options.json, {"report": asdict(reported), **reference.agreement})
+
+
+def _validate_sim(options: argparse.Namespace) -> None:
+    from graspcast.grasping.campaign import run_campaign
+    from graspcast.grasping.executors import LocalExecutor
+    from graspcast.grasping.fit import jitter_held
+    from graspcast.grasping.grasps import read_grasps
+    from graspcast.grasping.work import load_pairs
+    from graspcast.report.validation import compare, render_cells, render_table1
+
+    trials, bop_dirs = _published_trials(options.data)
+    grasps = read_grasps(options.grasps)
+    pairs = load_pairs(trials.requests, grasps, bop_dirs=bop_dirs)
+    directory = options.out or (options.json or Path("validation.json")).with_suffix(".campaign")
+    with progress_bar("trying grasps") as move:
+        outcomes = run_campaign(
+            trials.requests,
+            pairs,
+            directory,
+            executor=LocalExecutor(options.workers),
+            progress=lambda p: move(p.done / p.total, words_of(p)),
+        )
+        held = {}
+        for i, (pair, what) in enumerate(pairs.items()):
+            move(i / len(pairs), f"perfect estimates of {pair[0]} by {pair[1]}")
+            held[pair] = jitter_held(what.runner(), what.grasp)[0]
+    found = compare(trials, outcomes, grasps, held)
+    print_text("## Agreement with the published outcomes\n\n" + render_cells(found))
+    print_text("\n## Table I, paper and ours\n\n" + render_table1(found) + "\n")
+    for name, value in found["summary"].items():
+        print_text(f"{name.replace('_', ' ')}: {value}")
+    write_json(options.json, found)

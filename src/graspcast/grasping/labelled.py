@@ -1,0 +1,84 @@
+"""Trials whose outcome is known from elsewhere, each in its part of the images."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from jaxtyping import Bool
+from numpy import ndarray
+
+from graspcast.bop.dataset import BopDataset
+from graspcast.bop.results import Results
+from graspcast.errors import InputError, UnknownNameError
+from graspcast.grasping.guided import guided_trials
+from graspcast.grasping.parts import Part, frames_of, part_of
+from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
+from graspcast.grasping.sample import FittedTrials
+
+__all__ = ["LabelledTrials", "labelled_trials"]
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledTrials:
+    """Trials with given outcomes.
+
+    Attributes:
+        requests: The trials.
+        success: Their given outcomes, (n,).
+        part: The part of the images that each belongs to, as text, (n,).
+    """
+
+    requests: TrialRequests
+    success: Bool[ndarray, " n"]
+    part: ndarray
+
+    def of(self, name: str, gripper: str, part: Part) -> FittedTrials:
+        """The trials of one object and gripper in one part of the images.
+
+        Raises:
+            UnknownNameError: if there are none of this object with this gripper.
+        """
+        pairs = self.requests.pairs()
+        if (name, gripper) not in pairs:
+            known = [f"{o} by {g}" for o, g in pairs]
+            raise UnknownNameError("trials of", f"{name} by {gripper}", known)
+        rows = self.requests.rows_of((name, gripper))
+        rows = rows[self.part[rows] == part]
+        return FittedTrials(self.requests.obj_T_est[rows], self.success[rows])
+
+
+def labelled_trials(
+    results: Mapping[str, Mapping[str, Results]],
+    datasets: Mapping[str, BopDataset],
+    outcomes: pl.DataFrame,
+) -> LabelledTrials:
+    """Join estimates, ground truth and given outcomes.
+
+    Args:
+        results: Dataset's name to estimator's name to results.
+        datasets: Dataset's name to its BOP directory, with ground truth.
+        outcomes: As :func:`graspcast.outcomes.read_outcomes` returns them.
+
+    Raises:
+        InputError: if no estimate has a given outcome.
+    """
+    grippers = outcomes["gripper"].unique().sort().to_list()
+    asked = guided_trials(results, datasets, grippers)
+    joined = (
+        asked.keys.with_row_index("row")
+        .join(outcomes.select(*KEY_COLUMNS, "success"), on=list(KEY_COLUMNS), how="inner")
+        .sort("row")
+    )
+    if not len(joined):
+        raise InputError("none of these estimates has an outcome; are names and numbers the same?")
+    requests = asked.select(joined["row"].to_numpy().astype(np.int64))
+    columns = (requests.keys[name].to_numpy() for name in ("dataset", "scene_id", "im_id"))
+    frames = frames_of({name: dataset.ground_truth for name, dataset in datasets.items()})
+    return LabelledTrials(
+        requests=requests,
+        success=joined["success"].to_numpy().astype(bool),
+        part=part_of(*columns, frames),
+    )
