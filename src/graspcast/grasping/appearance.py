@@ -107,7 +107,7 @@ def _model(
     visual.headlight.ambient, visual.headlight.diffuse = 3 * (0.45,), 3 * (0.22,)
     visual.headlight.specular = 3 * (0.05,)
     visual.rgba.haze = (1, 1, 1, 1)
-    visual.map.znear, visual.map.zfar, visual.map.shadowclip = 0.05, 60.0, 2.5
+    visual.map.znear, visual.map.zfar, visual.map.shadowclip = 0.05, 60.0, 6.0
     spec.stat.extent, spec.stat.center = 0.5, (0, 0, 0.1)
     spec.add_texture(
         name="sky",
