@@ -75,10 +75,12 @@ def labelled_trials(
     if not len(joined):
         raise InputError("none of these estimates has an outcome; are names and numbers the same?")
     requests = asked.select(joined["row"].to_numpy().astype(np.int64))
-    columns = (requests.keys[name].to_numpy() for name in ("dataset", "scene_id", "im_id"))
+    dataset, scene, image = (
+        requests.keys[name].to_numpy() for name in ("dataset", "scene_id", "im_id")
+    )
     frames = frames_of({name: dataset.ground_truth for name, dataset in datasets.items()})
     return LabelledTrials(
         requests=requests,
         success=joined["success"].to_numpy().astype(bool),
-        part=part_of(*columns, frames),
+        part=part_of(dataset, scene, image, frames),
     )
