@@ -178,7 +178,7 @@ def _write_mp4(
     try:
         from imageio_ffmpeg import write_frames
     except ImportError as error:
-        raise ExtraMissingError("imageio-ffmpeg", "render") from error
+        raise ExtraMissingError("imageio-ffmpeg", "video") from error
     film = write_frames(
         str(path),
         size,
