@@ -184,7 +184,7 @@ def test_a_film_can_be_read_and_moves(
     path = tmp_path / f"film{ending}"
     shares: list[float] = []
     if ending == ".mp4":
-        imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="no encoder (extra render)")
+        imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="no encoder (extra video)")
     save_film(path, held, renderer, "a cube", progress=shares.append)
     assert shares[-1] == 1.0 and shares == sorted(shares)
     if ending == ".gif":
@@ -333,7 +333,7 @@ def test_a_missing_extra_is_named_and_leaves_nothing_behind(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(ExtraMissingError, match=rf"{package}.*graspcast\[render\]"):
+    with pytest.raises(ExtraMissingError, match=rf"{package}.*graspcast\[(render|video)\]"):
         save_film(tmp_path / "film.mp4", held, renderer, "a cube")
     assert not list(tmp_path.iterdir())
 
