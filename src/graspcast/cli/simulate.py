@@ -61,6 +61,11 @@ def add_verbs(verbs: Verbs) -> None:
         default=1.0,
         help="how much to try, 1 being some 1,200 trials (default: 1)",
     )
+    verb.add_argument(
+        "--contradicted",
+        action="store_true",
+        help="do not demand that a perfect estimate is held: the given outcomes contradict it",
+    )
     add_out(verb, "the TOML file of grasps")
     add_json(verb)
 
@@ -142,6 +147,7 @@ def _fit_grasp(options: argparse.Namespace) -> None:
             seed=options.seed,
             effort=SearchEffort().scaled(options.budget),
             start=[known(*pair).grasp.obj_T_grasp] if pair in known else [],
+            hold_perfect=not options.contradicted,
             progress=lambda words, done, best: move(done, f"{words}, best {best:.3f}"),
         )
     reported = report_grasp(found, grasp_object, gripper, trials.of(*pair, "report"))

@@ -163,6 +163,7 @@ def fit_grasp(
     seed: int = 0,
     effort: SearchEffort | None = None,
     start: Sequence[Float[ndarray, "4 4"]] = (),
+    hold_perfect: bool = True,
     settings: TrialSettings | None = None,
     progress: Callable[[str, float, float], None] | None = None,
 ) -> FittedGrasp:
@@ -176,6 +177,8 @@ def fit_grasp(
         seed: Of all that is random; the same seed finds the same grasp.
         effort: How much to try.
         start: Grasps (``obj_T_grasp``) that race along with the proposals.
+        hold_perfect: Whether only grasps that hold a perfect estimate count. Given outcomes can
+            contradict that: where trials with hardly an error failed, no such grasp can agree.
         settings: Of the trials; searching, the lift is cut to 3 s.
         progress: Called with what is being done, the share of the races that are over, and the
             agreement of the best so far.
@@ -186,7 +189,8 @@ def fit_grasp(
     for name, part in (("fit", fit), ("choose", choose)):
         if not len(part):
             raise InputError(f"{grasp_object.name}: there are no outcomes in the {name} part")
-    search = _Search(grasp_object, gripper, fit, seed, settings or TrialSettings(), progress)
+    chosen = settings or TrialSettings()
+    search = _Search(grasp_object, gripper, fit, seed, hold_perfect, chosen, progress)
     return search.run(choose, effort or SearchEffort(), start)
 
 
@@ -196,6 +200,7 @@ class _Search:
     gripper: Gripper
     fit: FittedTrials
     seed: int
+    hold_perfect: bool
     settings: TrialSettings
     progress: Callable[[str, float, float], None] | None
     trials: int = 0
@@ -273,6 +278,8 @@ class _Search:
 
     def _steady(self, candidates: Sequence[_Candidate], count: int) -> list[_Candidate]:
         """The first ``count`` that hold a perfect estimate, and four that are jittered."""
+        if not self.hold_perfect:
+            return list(candidates[:count])
         out: list[_Candidate] = []
         for candidate in candidates:
             if len(out) == count:
@@ -330,7 +337,9 @@ class _Search:
             self.trials += of + len(rows)
             found = agreement(np.array(simulated), part.success[rows], weights)
             out.append((held, found, candidate))
-        held, chosen, best = max(out, key=lambda item: (item[0], _score(item[1])))
+        held, chosen, best = max(
+            out, key=lambda item: (item[0] if self.hold_perfect else 0, _score(item[1]))
+        )
         return FittedGrasp(
             grasp=self._grasp(best),
             mass_kg=best.mass_kg,
