@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from math import isfinite
+from operator import itemgetter
 from os import PathLike
 from pathlib import Path
 
@@ -114,8 +115,8 @@ _PARSERS: dict[str, tuple[Callable[[str], object], str]] = {
 }
 
 
-def _rows(path: Path) -> Iterator[tuple[int, dict[str, str] | None]]:
-    """Line number and fields of each row; None for a row with too few or too many fields."""
+def _rows(path: Path) -> Iterator[tuple[int, tuple[str, ...] | None]]:
+    """Line number and the fields of ``COLUMNS``; None for a row with too few or too many fields."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             reader = csv.reader(stream, strict=True)
@@ -129,19 +130,27 @@ def _rows(path: Path) -> Iterator[tuple[int, dict[str, str] | None]]:
                     f"a results file is {','.join(COLUMNS)}",
                     where="line 1",
                 )
+            wanted = itemgetter(*(header.index(name) for name in COLUMNS))
             for fields in reader:
                 if fields:
-                    whole = len(fields) == len(header)
-                    yield (
-                        reader.line_num,
-                        dict(zip(header, fields, strict=True)) if whole else None,
-                    )
+                    yield reader.line_num, wanted(fields) if len(fields) == len(header) else None
     except OSError as error:
         raise FormatError(path, f"cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise FormatError(path, "is not UTF-8 text; is it a CSV file?") from error
     except csv.Error as error:
         raise FormatError(path, f"is not a CSV file ({error})") from error
+
+
+def _problem(fields: tuple[str, ...]) -> str | None:
+    """What is wrong with the first bad field of a row, if any."""
+    for name, text in zip(COLUMNS, fields, strict=True):
+        parse, expected = _PARSERS[name]
+        try:
+            parse(text)
+        except ValueError:
+            return f"{name} is {text!r}, but should be {expected}"
+    return None
 
 
 def checked_rotations(
@@ -178,7 +187,7 @@ def read_results(
     path = Path(path)
     bad = 0
     lines: list[int] = []
-    columns: dict[str, list[object]] = {name: [] for name in COLUMNS}
+    rows: list[tuple[str, ...]] = []
 
     def reject(line: int, problem: str) -> None:
         nonlocal bad
@@ -189,19 +198,22 @@ def read_results(
     for line, fields in _rows(path):
         if fields is None:
             reject(line, f"has not the {len(COLUMNS)} fields of the header")
-            continue
-        row: list[object] = []
-        for name, (parse, expected) in _PARSERS.items():
-            try:
-                row.append(parse(fields[name]))
-            except ValueError:
-                reject(line, f"{name} is {fields[name]!r}, but should be {expected}")
-                break
+        elif problem := _problem(fields) if lenient else None:
+            reject(line, problem)
         else:
             lines.append(line)
-            for name, value in zip(COLUMNS, row, strict=True):
-                columns[name].append(value)
-
+            rows.append(fields)
+    try:
+        texts = zip(*rows, strict=True) if rows else [()] * len(COLUMNS)
+        columns = {
+            name: list(map(_PARSERS[name][0], column))
+            for name, column in zip(COLUMNS, texts, strict=True)
+        }
+    except ValueError:  # whole columns are fast; only a bad file is gone through row by row
+        for line, fields in zip(lines, rows, strict=True):
+            if problem := _problem(fields):
+                reject(line, problem)
+        raise
     count = len(lines)
     rotation = np.array(columns["R"], dtype=np.float64).reshape(count, 3, 3)
     translation_mm = np.array(columns["t"], dtype=np.float64).reshape(count, 3)
@@ -213,7 +225,8 @@ def read_results(
         keep[i] = False
     keys = np.array([columns[k] for k in ("scene_id", "im_id", "obj_id")], dtype=np.int64).T
     seen: dict[tuple[object, ...], int] = {}
-    for i in np.flatnonzero(keep):
+    once = len(np.unique(keys, axis=0)) == count  # as nearly always: then no row can be repeated
+    for i in np.flatnonzero(keep & (not once)):
         key = (*keys[i].tolist(), rotation[i].tobytes(), translation_mm[i].tobytes())
         if (first := seen.setdefault(key, lines[i])) != lines[i]:
             reject(lines[i], f"repeats the instance and pose of line {first}")
