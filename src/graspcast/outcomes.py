@@ -106,7 +106,8 @@ def _read(path: Path) -> pl.DataFrame:
         return pl.read_csv(path, infer_schema_length=None)
     except OSError as error:
         raise FormatError(path, f"cannot be read ({error.strerror or error})") from error
-    except pl.exceptions.PolarsError as error:
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        # A damaged Parquet file can make polars panic, which is no Exception to Python.
         kind = "a Parquet file" if path.suffix == ".parquet" else "a CSV file"
         raise FormatError(path, f"is not {kind} ({str(error).splitlines()[0]})") from error
 

@@ -195,7 +195,7 @@ def test_a_wrong_description_is_explained(
 def test_the_built_in_hands_and_a_foreign_one_pass(name: str | Path) -> None:
     report = check_gripper(load_gripper(name))
     assert report.passed, str(report)
-    assert len(report.checks) == 11
+    assert len(report.checks) == 12
     assert report.failures == ()
 
 
@@ -231,7 +231,14 @@ def two_roots(spec: Any) -> None:
 
 def unlimited(spec: Any) -> None:
     spec.actuators[0].forcelimited = False
-    spec.actuators[0].set_to_position(kp=2e5, kv=3e2)
+    spec.actuators[0].set_to_position(kp=5e4)
+    for joint in spec.joints:
+        joint.armature = 10.0
+
+
+def crushing(spec: Any) -> None:
+    spec.actuators[0].forcelimited = False
+    spec.actuators[0].set_to_position(kp=3e5)
 
 
 def explosive(spec: Any) -> None:
@@ -276,6 +283,7 @@ _BACKWARDS = transform(np.diag([1.0, -1.0, -1.0]), np.array([0, 0, 0.1034]))
         ("closes", {"closing": Closing({"fingers": 0.08}, {"fingers": 0.08}, 1.0)}, "no joint"),
         ("holds", {"base_T_tcp": _BACKWARDS}, "Is the TCP between"),
         ("holds", {"spec": model(weak)}, "dropped"),
+        ("solid", {"spec": model(crushing)}, "limit its actuators"),
         ("drops", {"spec": model(unlimited)}, "force limit"),
         ("repeats", {"spec": model(drifting)}, "depend on anything"),
     ],

@@ -319,7 +319,10 @@ def test_only_unseen_scenes_are_scored(monkeypatch: pytest.MonkeyPatch) -> None:
         seen = {groups[i] for i in given_samples.estimates.im_id.tolist()}
 
         class Watching(Forecaster):
-            def probability(self, estimates: Any, models: Any = None) -> np.ndarray:
+            def probability(
+                self, estimates: Any, models: Any = None, *, unseen_objects: bool = False
+            ) -> np.ndarray:
+                assert not unseen_objects
                 assert not {groups[i] for i in estimates.im_id.tolist()} & seen
                 asked.extend(estimates.im_id.tolist())
                 return super().probability(estimates, models)
@@ -376,3 +379,33 @@ def test_it_beats_the_majority_on_the_published_test_part(
         assert found.brier < test.success.var()
         gain.append(found.accuracy - found.majority)
     assert max(gain) > 0.05  # over two standard errors
+
+
+@pytest.mark.parametrize("method", ["threshold", "MLP-O"])
+def test_each_object_is_scored_by_a_forecaster_that_has_not_seen_it(
+    method: str, models: dict[str, Models], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = synthetic.samples(160)
+    seen: list[tuple[str, ...]] = []
+
+    def spy(part: Samples, **options: Any) -> Forecaster:
+        forecaster = train_forecaster(part, **options)
+        seen.append(forecaster.card.objects)
+        return forecaster
+
+    monkeypatch.setattr("graspcast.learning.forecaster.train_forecaster", spy)
+    options: dict[str, Any] = {"method": method, "models": models, "settings": SHORT}
+    found = cross_validate(given, by="object", **options)
+    assert seen == [("d-2",), ("d-1",)]
+    assert found.n == 160
+    assert found.accuracy > 0.7  # what disagreement means carries over from one object to the other
+
+
+def test_what_knows_an_object_only_by_its_own_networks_cannot_answer_for_another() -> None:
+    with pytest.raises(MismatchError, match="cannot answer for an unseen one"):
+        cross_validate(synthetic.samples(80), by="object", method="MLP", settings=SHORT)
+    forecaster = train_forecaster(synthetic.samples(80), settings=SHORT)
+    other = synthetic.samples(10, objects=(7,)).estimates
+    with pytest.raises(MismatchError, match="was not trained for d-7"):
+        forecaster.probability(other)
+    assert forecaster.probability(other, unseen_objects=True).shape == (10,)

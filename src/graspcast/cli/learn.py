@@ -108,6 +108,11 @@ def _add_train(verbs: Verbs) -> None:
         default=5,
         help="parts of the scenes for cross-validation; 0 for none (default: 5)",
     )
+    verb.add_argument(
+        "--unseen-objects",
+        action="store_true",
+        help="also score each object by a forecaster that has not seen it",
+    )
     add_out(verb, "the model's file (npz)")
     add_json(verb)
 
@@ -161,29 +166,37 @@ def _train(options: argparse.Namespace) -> None:
             optimiser=MlpSettings(epochs=options.epochs),
         ),
     }
-    scores = None
+    scores = {}
     if options.folds > 1:
         with progress_bar("cross-validating") as move:
-            scores = cross_validate(
+            found = cross_validate(
                 samples, folds=options.folds, seed=options.seed, progress=move, **settings
             )
+        scores["unseen_scenes"] = found.as_dict()
+    if options.unseen_objects:
+        with progress_bar("leaving out each object") as move:
+            found = cross_validate(samples, by="object", progress=move, **settings)
+        scores["unseen_objects"] = found.as_dict()
     with progress_bar("training") as move:
         forecaster = train_forecaster(samples, progress=move, **settings)
-    if scores is not None:
-        found = scores.as_dict()
-        card = replace(forecaster.card, scores={"unseen_scenes": found})
-        forecaster = replace(forecaster, card=card)
+    forecaster = replace(forecaster, card=replace(forecaster.card, scores=scores))
+    if scores:
         rows = [
-            [name.replace("_", " "), str(v) if name == "n" else "-" if v is None else f"{v:.3f}"]
-            for name, v in found.items()
+            [measure.replace("_", " "), *(_figure(s[measure]) for s in scores.values())]
+            for measure in next(iter(scores.values()))
         ]
-        print_table(f"{options.method}, {options.folds} folds of unseen scenes", ["", ""], rows)
+        header = [options.method, *(name.replace("_", " ") for name in scores)]
+        print_table(f"{options.method}, scores on what training has not seen", header, rows)
     forecaster.save(options.out)
     write_json(options.json, {"card": forecaster.card.as_dict()})
     print_text(
         f"{options.out}: {options.principal} with {', '.join(forecaster.card.supporters)}, "
         f"{options.gripper} gripper, {len(forecaster.card.objects)} objects, {len(samples)} samples"
     )
+
+
+def _figure(value: float | int | None) -> str:
+    return f"{value:.3f}" if isinstance(value, float) else "-" if value is None else str(value)
 
 
 def _predict(options: argparse.Namespace) -> None:

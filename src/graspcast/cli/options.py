@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Verbs",
+    "add_bop",
+    "add_estimates",
     "add_inputs",
     "add_json",
     "add_out",
@@ -55,10 +57,8 @@ def _maybe_named(text: str) -> tuple[str | None, Path]:
     return _named(text) if "=" in text else (None, Path(text))
 
 
-def add_inputs(
-    verb: argparse.ArgumentParser, *, bop_required: bool = False, required: bool = True
-) -> None:
-    """``--estimates``, ``--bop``, ``--ground-truth``, ``--objects``, ``--lenient``."""
+def add_estimates(verb: argparse.ArgumentParser, *, required: bool) -> None:
+    """``--estimates``."""
     verb.add_argument(
         "--estimates",
         metavar="NAME=FILE",
@@ -68,13 +68,17 @@ def add_inputs(
         required=required,
         help="an estimator's BOP results CSV; once for each estimator (and dataset)",
     )
+
+
+def add_bop(verb: argparse.ArgumentParser, *, required: bool = False) -> None:
+    """``--bop``, ``--ground-truth``."""
     verb.add_argument(
         "--bop",
         metavar="DIR",
         type=_maybe_named,
         action="append",
         default=[],
-        required=bop_required,
+        required=required,
         help="BOP dataset directory with models; NAME=DIR if the directory is called otherwise",
     )
     verb.add_argument(
@@ -85,6 +89,14 @@ def add_inputs(
         default=[],
         help="scene folders with scene_gt.json, if not in test/ of the BOP directory",
     )
+
+
+def add_inputs(
+    verb: argparse.ArgumentParser, *, bop_required: bool = False, required: bool = True
+) -> None:
+    """``--estimates``, ``--bop``, ``--ground-truth``, ``--objects``, ``--lenient``."""
+    add_estimates(verb, required=required)
+    add_bop(verb, required=bop_required)
     verb.add_argument(
         "--objects", metavar="ID", nargs="+", default=[], help="only these (5, or lmo-5)"
     )

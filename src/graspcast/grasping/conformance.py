@@ -50,6 +50,9 @@ class GripperReport:
         return "\n".join(lines)
 
 
+_DEEPEST_M = 0.003
+
+
 class _FailedError(Exception):
     """A check is not met; the message says what was seen and what to look at."""
 
@@ -61,8 +64,9 @@ def check_gripper(gripper: Gripper) -> GripperReport:
     (``compiles``) and has the actuators that its commands name (``actuators``), something of it
     can touch (``touches``); it opens and stays still (``opens``), closes and comes to rest
     (``closes``), reopens (``reopens``); it holds a column half as wide as its opening through the
-    whole lift (``holds``), misses what is not there (``misses``), drops what is too heavy
-    (``drops``), and does the same again, bit by bit (``repeats``).
+    whole lift (``holds``) without sinking into it (``solid``), misses what is not there
+    (``misses``), drops what is too heavy (``drops``), and does the same again, bit by bit
+    (``repeats``).
 
     Args:
         gripper: For example ``load_gripper("my_gripper.toml")``.
@@ -200,8 +204,13 @@ def _grasp(gripper: Gripper, width: float, raised_m: float = 0.0) -> Grasp:
 
 def _holds(gripper: Gripper, bench: dict[str, Any]) -> str:
     width, runner = bench["width"], bench["runner"]
-    outcome = runner.run(np.eye(4), _grasp(gripper, width), early_stop=False)
-    bench["held"] = outcome
+    depths = [0.0]
+
+    def watch(model: Any, data: Any, phase: str) -> None:
+        depths.append(runner.scene.hand_overlap_m())
+
+    outcome = runner.run(np.eye(4), _grasp(gripper, width), early_stop=False, record=watch)
+    bench["held"], bench["depth"] = outcome, max(depths)
     if not outcome.success:
         raise _FailedError(
             f"a column of {1e3 * width:.0f} mm and 0.3 kg, grasped without error, was "
@@ -209,6 +218,16 @@ def _holds(gripper: Gripper, bench: dict[str, Any]) -> str:
             "fingertips, its z out along the fingers, its x the direction of closing?"
         )
     return f"a column of {1e3 * width:.0f} mm moved by {1e3 * outcome.offset_m:.1f} mm in the hand"
+
+
+def _solid(gripper: Gripper, bench: dict[str, Any]) -> str:
+    depth = bench["depth"]
+    if depth > _DEEPEST_M:
+        raise _FailedError(
+            f"it sank {1e3 * depth:.1f} mm into the column that it grasped, so it could press "
+            "through a thin wall: limit its actuators' force, or give its joints more armature"
+        )
+    return f"at most {1e3 * depth:.2f} mm deep in the column"
 
 
 def _misses(gripper: Gripper, bench: dict[str, Any]) -> str:
@@ -258,6 +277,7 @@ _CHECKS: tuple[tuple[str, Callable[[Gripper, dict[str, Any]], str]], ...] = (
     ("closes", _closes),
     ("reopens", _reopens),
     ("holds", _holds),
+    ("solid", _solid),
     ("misses", _misses),
     ("drops", _drops),
     ("repeats", _repeats),

@@ -1,16 +1,13 @@
-"""One MuJoCo model for all trials of an object and a gripper: table, object, arm and hand.
+"""One MuJoCo model for all trials of an object and a gripper, compiled once, and its state.
 
-The arm is two stiff, force-limited slides: ``lift`` moves up along the world's z, and on it
-``approach`` moves along the approach direction of the hand. Where the hand goes is the pose of
-the body between the two, written anew for each trial, so that one compiled model serves every
-estimate. The hand keeps its orientation and, sideways, its place: the rigid, open-loop control of
-the paper's Section III-B.
+Where the hand goes is the pose of one body between the arm's two slides, written anew for each
+trial, so that one model serves every estimate.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -20,30 +17,24 @@ from numpy import ndarray
 from graspcast.errors import MismatchError
 from graspcast.geometry import invert, quaternion, rotation_from_quaternion
 from graspcast.grasping.gripper import Gripper
+from graspcast.grasping.scene_spec import ARM_STIFFNESS, scene_spec
 from graspcast.grasping.settings import TrialSettings
 from graspcast.grasping.types import ConvexPiece, GraspObject
 
 __all__ = ["HAND", "OBJECT", "TABLE", "Scene", "Touch", "build_scene"]
 
 TABLE, OBJECT, HAND = 0, 1, 2
-# Bits of contype; what an element feels is the other's contype in its own conaffinity.
-_OBJECT_BIT, _TABLE_BIT, _HAND_BIT = 1, 2, 4
-_ARM_STIFFNESS, _ARM_KG = 1e5, 10.0
-_ARM_DAMPING = 2.0 * np.sqrt(_ARM_STIFFNESS * _ARM_KG)
 _REST_S = 1.0
 _REST_SHIFT_M, _REST_TURN_RAD = 0.01, 0.1
 _PARKED_M = 10.0
 _TOO_FAST, _ABSURD = 20.0, 1e4
 
 
-@dataclass(frozen=True)
-class Touch:
+class Touch(NamedTuple):
     """Who touches whom in the current state."""
 
     hand_object: bool
     table_object: bool
-    hand_bodies: int
-    """How many parts of the hand touch the object."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +60,11 @@ class Scene:
     joint_levers: ndarray
     """For each joint of the hand, what turns its motion into metres."""
     hand_ctrl: dict[str, int]
-    largest_force: ndarray
-    """Of each actuator in ``hand_ctrl``, its force limit; or 1 where it has none."""
+    still_qpos: ndarray
+    """What turns a change of each coordinate into a multiple of what equilibrium allows; zero for
+    the arm, and for the object's position, which counts by its centroid."""
+    still_force: ndarray
+    """The same for each actuator's force."""
     rest_qpos: ndarray
     rest_act: ndarray
     object_radius_m: float
@@ -82,7 +76,7 @@ class Scene:
         """Reset to rest with the hand ``approach_m`` along the approach from ``sim_T_base``."""
         mujoco.mj_resetData(self.model, self.data)
         self.model.body_pos[self.mount_body] = sim_T_base[:3, 3]
-        self.model.body_quat[self.mount_body] = quaternion(sim_T_base[:3, :3])
+        mujoco.mju_mat2Quat(self.model.body_quat[self.mount_body], sim_T_base[:3, :3].ravel())
         servo = self.model.actuator("approach").id
         limit = self.settings.arm_force_n
         self.model.actuator_forcerange[servo] = -limit, limit
@@ -99,7 +93,7 @@ class Scene:
     def lock_approach(self) -> None:
         """Hold the hand where it is along its approach, with the force that it has now."""
         servo = self.model.actuator("approach").id
-        lead = self.data.actuator_force[servo] / _ARM_STIFFNESS
+        lead = self.data.actuator_force[servo] / ARM_STIFFNESS
         self.data.act[self.model.actuator_actadr[servo]] = self.data.qpos[self.approach_qpos] + lead
         self.data.ctrl[servo] = 0.0
         self.model.actuator_forcerange[servo] = -np.inf, np.inf
@@ -109,6 +103,10 @@ class Scene:
         self.data.qpos[self.approach_qpos] = approach_m
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_collision(self.model, self.data)
+
+    def hand_touches(self) -> bool:
+        """Whether the hand touches anything."""
+        return HAND in self.kind[self.data.contact.geom]
 
     def hand_overlap_m(self) -> float:
         """How deep the hand is in the object or the table; negative infinity if it is clear."""
@@ -121,17 +119,17 @@ class Scene:
     def touch(self) -> Touch:
         """Who touches whom."""
         if not self.data.ncon:
-            return Touch(hand_object=False, table_object=False, hand_bodies=0)
+            return Touch(hand_object=False, table_object=False)
+        pairs = self.kind[self.data.contact.geom].sum(axis=1).tolist()
+        return Touch(hand_object=HAND + OBJECT in pairs, table_object=TABLE + OBJECT in pairs)
+
+    def parts_on_object(self) -> int:
+        """How many parts of the hand touch the object."""
         geoms = self.data.contact.geom
         kinds = self.kind[geoms]
-        total = kinds.sum(axis=1)
-        grip = total == HAND + OBJECT
-        held_by = self.model.geom_bodyid[geoms[grip][kinds[grip] == HAND]]
-        return Touch(
-            hand_object=bool(grip.any()),
-            table_object=bool((total == TABLE + OBJECT).any()),
-            hand_bodies=len(set(held_by.tolist())),
-        )
+        on_object = kinds.sum(axis=1) == HAND + OBJECT
+        parts = self.model.geom_bodyid[geoms[on_object][kinds[on_object] == HAND]]
+        return len(set(parts.tolist()))
 
     def centroid_in_base(self) -> Float[ndarray, " 3"]:
         """The object's centroid in the hand's base frame, metres."""
@@ -168,11 +166,19 @@ class Scene:
         """Boxes about the pieces of the object."""
         return self.boxes(OBJECT)
 
+    def clear_m(self) -> float:
+        """How far the hand can certainly move, in any direction, before it touches anything."""
+        hand_low, hand_high = self.hand_boxes()
+        low, high = self.object_boxes()
+        gaps = np.maximum(low[:, None] - hand_high[None], hand_low[None] - high[:, None])
+        above_table = hand_low[:, 2].min() if self.settings.hand_touches_table else np.inf
+        return max(0.0, min(float(gaps.max(axis=2).min()), float(above_table)))
+
     def exploded(self) -> bool:
         """Whether anything is not finite, or faster than what here falls or is thrown can be."""
-        speeds = np.abs(self.data.qvel)
+        speeds = self.data.qvel
         # A comparison with NaN is false. The object's free joint is the first.
-        return not (speeds.max() < _ABSURD and speeds[:3].max() < _TOO_FAST)
+        return not (speeds @ speeds < _ABSURD**2 and speeds[:3] @ speeds[:3] < _TOO_FAST**2)
 
 
 def _ignore(message: str) -> None:
@@ -188,17 +194,7 @@ def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSett
     if mujoco.get_mju_user_warning() is None:
         # By default MuJoCo writes a log file into the working directory.
         mujoco.set_mju_user_warning(_ignore)
-    spec = mujoco.MjSpec()
-    _set_options(spec, settings)
-    table = spec.worldbody.add_geom(
-        name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 0.05), condim=1
-    )
-    _add_object(spec, grasp_object, settings)
-    _add_arm_and_hand(spec, gripper, settings)
-    table.contype, table.conaffinity = _TABLE_BIT, _OBJECT_BIT
-    table.solref, table.solimp = settings.solref, (*settings.solimp, 0.5, 2)
-    table.rgba = (0.93, 0.92, 0.90, 1.0)
-    model = spec.compile()
+    model = scene_spec(grasp_object, gripper, settings).compile()
     data = mujoco.MjData(model)
     base = int(np.flatnonzero(model.body_parentid == model.body("mount").id)[0])
     # The mount says where the base is, wherever the hand's own model has put it.
@@ -212,8 +208,18 @@ def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSett
     arm = [model.joint(name).id for name in ("object", "lift", "approach")]
     joints = np.array([j for j in range(model.njnt) if j not in arm], dtype=int)
     start = model.jnt_qposadr[model.joint("object").id]
-    actuators = [model.actuator("hand/" + name).id for name in gripper.closing.open]
-    limits = np.abs(model.actuator_forcerange[actuators]).max(axis=1)
+    controls = {name: model.actuator("hand/" + name).id for name in gripper.closing.open}
+    levers = np.where(
+        model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE, 1.0, gripper.equilibrium.lever_m
+    )
+    still_qpos, still_force = np.zeros(model.nq), np.zeros(model.nu)
+    rule, radius = gripper.equilibrium, _radius(grasp_object)
+    # Half the angle of a small turn is the change of its quaternion.
+    still_qpos[start + 3 : start + 7] = 2.0 * radius / rule.motion_m
+    still_qpos[model.jnt_qposadr[joints]] = levers / rule.motion_m
+    for actuator in controls.values():
+        limit = float(np.abs(model.actuator_forcerange[actuator]).max())
+        still_force[actuator] = 1.0 / (rule.force_fraction * (limit or 1.0))
     scene = Scene(
         model=model,
         data=data,
@@ -226,100 +232,17 @@ def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSett
         approach_qpos=int(model.jnt_qposadr[model.joint("approach").id]),
         lift_qpos=int(model.jnt_qposadr[model.joint("lift").id]),
         hand_joints=joints,
-        joint_levers=np.where(
-            model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE, 1.0, gripper.equilibrium.lever_m
-        ),
-        largest_force=np.where(limits > 0, limits, 1.0),
-        hand_ctrl={name: model.actuator("hand/" + name).id for name in gripper.closing.open},
+        joint_levers=levers,
+        hand_ctrl=controls,
+        still_qpos=still_qpos,
+        still_force=still_force,
         rest_qpos=np.zeros(model.nq),
         rest_act=np.zeros(model.na),
-        object_radius_m=_radius(grasp_object),
+        object_radius_m=radius,
         hand_reach_m=_reach(model, base, kind == HAND),
     )
     _rest(scene, grasp_object, gripper)
     return scene
-
-
-def _set_options(spec: Any, settings: TrialSettings) -> None:
-    option = spec.option
-    option.timestep = settings.timestep
-    option.integrator = getattr(mujoco.mjtIntegrator, "mjINT_" + settings.integrator.upper())
-    option.cone = getattr(mujoco.mjtCone, "mjCONE_" + settings.cone.upper())
-    option.impratio = settings.impratio
-    option.noslip_iterations = settings.noslip_iterations
-    option.iterations = settings.iterations
-    # A state that blew up is to be seen, not silently reset.
-    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    # Sorting so few bodies into islands takes longer than it saves.
-    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
-
-
-def _add_object(spec: Any, grasp_object: GraspObject, settings: TrialSettings) -> None:
-    body = spec.worldbody.add_body(name="object")
-    body.add_joint(
-        name="object",
-        type=mujoco.mjtJoint.mjJNT_FREE,
-        align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE,
-    )
-    moments = grasp_object.inertia
-    body.explicitinertial = True
-    body.mass = grasp_object.mass_kg
-    body.ipos = grasp_object.centroid
-    body.fullinertia = (*np.diag(moments), moments[0, 1], moments[0, 2], moments[1, 2])
-    for k, piece in enumerate(grasp_object.pieces):
-        # Its own priority makes the object's friction and softness hold in all its contacts.
-        geom = body.add_geom(
-            name=f"piece{k}",
-            contype=_OBJECT_BIT,
-            conaffinity=0,
-            priority=1,
-            condim=settings.condim,
-            friction=(grasp_object.friction, settings.torsion_m, 1e-4),
-            solref=settings.solref,
-            solimp=(*settings.solimp, 0.5, 2),
-            rgba=(0.90, 0.62, 0.25, 1.0),
-        )
-        if isinstance(piece, ConvexPiece):
-            mesh = spec.add_mesh(name=f"piece{k}", uservert=piece.vertices.ravel().tolist())
-            # Only the shape counts here: the body's inertia is given above.
-            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-            geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, mesh.name
-        else:
-            geom.type = getattr(mujoco.mjtGeom, "mjGEOM_" + piece.kind.upper())
-            geom.size[: len(piece.size)] = piece.size
-            geom.pos = piece.obj_T_geom[:3, 3]
-            geom.quat = quaternion(piece.obj_T_geom[:3, :3])
-
-
-def _add_arm_and_hand(spec: Any, gripper: Gripper, settings: TrialSettings) -> None:
-    lift = spec.worldbody.add_body(name="lift")
-    mount = lift.add_body(name="mount")
-    slides = {lift: ("lift", (0.0, 0.0, 1.0)), mount: ("approach", gripper.base_T_tcp[:3, 2])}
-    for body, (name, axis) in slides.items():
-        body.explicitinertial, body.mass, body.inertia = True, 1e-3, (1e-6, 1e-6, 1e-6)
-        body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, armature=_ARM_KG)
-        # A velocity command, integrated to a set point: smooth motion from piecewise commands.
-        servo = spec.add_actuator(
-            name=name,
-            trntype=mujoco.mjtTrn.mjTRN_JOINT,
-            target=name,
-            forcelimited=name == "approach",
-            forcerange=(-settings.arm_force_n, settings.arm_force_n),
-        )
-        servo.set_to_intvelocity(kp=_ARM_STIFFNESS, kv=_ARM_DAMPING)
-        servo.actlimited = True
-        servo.actrange = (-10.0, 0.0) if name == "approach" else (0.0, settings.lift_height_m)
-    hand = gripper.spec()
-    for key in list(hand.keys):
-        hand.delete(key)
-    feels = _OBJECT_BIT | (_TABLE_BIT if settings.hand_touches_table else 0)
-    for geom in hand.geoms:
-        if geom.contype or geom.conaffinity:
-            geom.contype = _HAND_BIT if gripper.self_collision else 0
-            geom.conaffinity = feels | (_HAND_BIT if gripper.self_collision else 0)
-            geom.condim, geom.priority = 1, 0
-            geom.solref, geom.solimp = settings.solref, (*settings.solimp, 0.5, 2)
-    mount.add_frame().attach_body(hand.worldbody.first_body(), "hand/", "")
 
 
 def _radius(grasp_object: GraspObject) -> float:

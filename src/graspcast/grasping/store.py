@@ -209,7 +209,7 @@ class Store:
 def _read(path: Path) -> pl.DataFrame:
     try:
         part = pl.read_parquet(path, use_pyarrow=False)
-    except (OSError, pl.exceptions.PolarsError) as error:
+    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise FormatError(
             path, f"is damaged ({error}); remove it, and its trials are run again"
         ) from error

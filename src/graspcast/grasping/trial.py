@@ -34,7 +34,7 @@ The phases are "approach", "close" and "lift". The state must not be changed.
 """
 
 _SWEEP_M = 0.002
-_COMMAND_S, _CHECK_S, _RECORD_S = 0.01, 0.1, 0.02
+_COMMAND_S, _CHECK_S, _RECORD_S = 0.02, 0.1, 0.02
 
 
 @dataclass(frozen=True)
@@ -148,6 +148,7 @@ class _Trial:
 
     def __init__(self, scene: Scene, gripper: Gripper, *, early_stop: bool, record: Record | None):
         self.scene, self.gripper, self.settings = scene, gripper, scene.settings
+        self.closing, self.equilibrium = gripper.closing, gripper.equilibrium
         self.model, self.data = scene.model, scene.data
         self.early_stop, self.record = early_stop, record
         self.phase = "approach"
@@ -189,7 +190,7 @@ class _Trial:
         Until then the object rests and the hand is rigid, so the way there has no consequence.
         """
         scene, data, model = self.scene, self.data, self.model
-        for name, value in self.gripper.closing.open.items():
+        for name, value in self.closing.open.items():
             data.ctrl[scene.hand_ctrl[name]] = value
         entry = self._clear_until()
         scene.move_hand(entry)
@@ -210,30 +211,37 @@ class _Trial:
         steps = math.ceil(self.settings.standoff_m / _SWEEP_M)
         places = np.linspace(-self.settings.standoff_m, 0.0, steps + 1)
         every = max(1, round(_RECORD_S * self.settings.approach_speed / _SWEEP_M))
-        for k, place in enumerate(places):
-            self.scene.move_hand(place)
+        certain = int(self.scene.clear_m() / _SWEEP_M) if self.record is None else 0
+        for k in range(certain, steps + 1):
+            self.scene.move_hand(places[k])
             if k % every == 0:
                 self._show()
-            if self.scene.hand_overlap_m() > -np.inf:
+            if self.scene.hand_touches():
                 return float(places[max(0, k - 2)])
         return 0.0
 
     def _close(self) -> None:
         """Close until nothing changes any more, or until the time limit."""
         self.phase = "close"
-        rule = self.gripper.equilibrium
-        before = self._posture()
+        rule = self.equilibrium
+        before = self._state()
         for _ in range(math.ceil(rule.limit_s / rule.window_s)):
             self._squeeze(rule.window_s)
-            self._check_sound()
-            now = self._posture()
-            if np.abs(now - before).max() < 1.0:
-                return
+            now = self._state()
+            if all(np.abs(new - old).max() < 1.0 for new, old in zip(now, before, strict=True)):
+                break
             before = now
+        self._check_sound()
+
+    def _state(self) -> tuple[ndarray, ndarray, ndarray]:
+        """Coordinates, the object's centroid and forces, in units of what may change at rest."""
+        scene, data = self.scene, self.data
+        centroid = data.xipos[scene.object_body] / self.equilibrium.motion_m
+        return centroid, data.qpos * scene.still_qpos, data.actuator_force * scene.still_force
 
     def _squeeze(self, seconds: float) -> None:
         """Let time pass while the closing command goes on its way, equilibrium or not."""
-        closing, scene = self.gripper.closing, self.scene
+        closing, scene = self.closing, self.scene
         left = round(seconds / _COMMAND_S)
         while left > 0 and self.closing_s < closing.seconds:
             self.closing_s += _COMMAND_S
@@ -246,32 +254,19 @@ class _Trial:
         if left > 0:
             self._advance(left * _COMMAND_S)
 
-    def _posture(self) -> ndarray:
-        """Joints, object and actuator forces, in units of what may change at equilibrium."""
-        rule, scene, data = self.gripper.equilibrium, self.scene, self.data
-        turned = data.xmat[scene.object_body] * scene.object_radius_m
-        forces = data.actuator_force[list(scene.hand_ctrl.values())]
-        return np.concatenate(
-            [
-                np.concatenate([scene.posture(), data.xipos[scene.object_body], turned])
-                / rule.motion_m,
-                forces / (rule.force_fraction * scene.largest_force),
-            ]
-        )
-
     def _lift(self) -> tuple[bool, Reason, float]:
         """Move up, and compare where the object is in the hand with where it was."""
         scene, settings, data = self.scene, self.settings, self.data
         self.phase = "lift"
         at_grasp = scene.centroid_in_base()
-        gripped = scene.touch().hand_bodies >= 2
+        gripped = scene.parts_on_object() >= 2
         steadiness = Steadiness(scene, at_grasp)
         servo = self.model.actuator("lift").id
         scene.lock_approach()
         lifted = 0.0
         while True:
             touch = scene.touch()
-            closed = self.closing_s >= self.gripper.closing.seconds
+            closed = self.closing_s >= self.closing.seconds
             if self.early_stop and closed and not touch.hand_object:
                 remaining = settings.lift_height_m - data.qpos[scene.lift_qpos]
                 final = left_behind_m(scene, at_grasp, remaining)

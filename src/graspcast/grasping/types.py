@@ -109,6 +109,6 @@ def check_rigid(a_T_b: Float[ndarray, "4 4"], what: str) -> None:
     if np.shape(a_T_b) != (4, 4) or not np.all(np.isfinite(a_T_b)):
         raise InputError(f"{what} must be a finite 4x4 transform, got {a_T_b!r}")
     rotation = a_T_b[:3, :3]
-    orthogonal = np.allclose(rotation @ rotation.T, np.eye(3), atol=_RIGID_TOLERANCE)
+    orthogonal = np.abs(rotation @ rotation.T - np.eye(3)).max() <= _RIGID_TOLERANCE
     if not orthogonal or np.linalg.det(rotation) < 0 or not np.array_equal(a_T_b[3], [0, 0, 0, 1]):
         raise InputError(f"{what} must be a rigid transform (no scale, no shear), got {a_T_b}")

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -21,8 +21,14 @@ from graspcast.consensus import FeatureSet, consensus_features, mean_add
 from graspcast.errors import FormatError, InputError, MismatchError, UnknownNameError
 from graspcast.estimates import Estimates
 from graspcast.files import atomic_write
-from graspcast.learning.predictors import NetworkEnsemble, NetworkSettings, Predictor, Thresholds
-from graspcast.learning.samples import Samples, by_scene
+from graspcast.learning.predictors import (
+    UNSEEN,
+    NetworkEnsemble,
+    NetworkSettings,
+    Predictor,
+    Thresholds,
+)
+from graspcast.learning.samples import Samples, by_object, by_scene
 from graspcast.learning.scores import Scores, score
 from graspcast.verdict import Verdict, check_threshold, decide
 
@@ -87,13 +93,18 @@ class Forecaster:
         return self.card.features != "paper"
 
     def probability(
-        self, estimates: Estimates, models: Mapping[str, Models] | None = None
+        self,
+        estimates: Estimates,
+        models: Mapping[str, Models] | None = None,
+        *,
+        unseen_objects: bool = False,
     ) -> Float[ndarray, "n"]:
         """Probability of success of every instance.
 
         Args:
             estimates: Poses by (at least) the principal and the supporters.
             models: Dataset's name to its object models, if :attr:`needs_models`.
+            unseen_objects: Answer for objects that it was not trained for too, if it can.
 
         Raises:
             MismatchError: for other estimators or objects than it was trained for.
@@ -101,7 +112,9 @@ class Forecaster:
         card = self.card
         self._check_estimators(estimates.estimators)
         values = _features(estimates.only(card.principal, *card.supporters), card, models)
-        return self.predictor.probability(values, self._object_numbers(estimates.objects))
+        return self.predictor.probability(
+            values, self._object_numbers(estimates.objects, unseen_objects)
+        )
 
     def predict(
         self,
@@ -152,15 +165,15 @@ class Forecaster:
                 f"given: {', '.join(given) or 'none'}"
             )
 
-    def _object_numbers(self, names: ndarray) -> ndarray:
+    def _object_numbers(self, names: ndarray, unseen: bool = False) -> ndarray:
         number = {name: i for i, name in enumerate(self.card.objects)}
         strange = sorted(set(names.tolist()) - set(number))
-        if strange:
+        if strange and not unseen:
             raise MismatchError(
                 f"this model was not trained for {', '.join(strange)}; it knows "
                 f"{', '.join(self.card.objects)}; leave the others out with --objects"
             )
-        return np.array([number[name] for name in names.tolist()], dtype=np.int64)
+        return np.array([number.get(name, UNSEEN) for name in names.tolist()], dtype=np.int64)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write it as one file: arrays and JSON in an npz, no pickle."""
@@ -300,34 +313,40 @@ def train_forecaster(
 def cross_validate(
     samples: Samples,
     *,
+    by: Literal["scene", "object"] = "scene",
     folds: int = 5,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
     **options: Any,
 ) -> Scores:
-    """Scores on scenes (or blocks of frames) that training has not seen.
+    """Scores on scenes (or blocks of frames), or on objects, that training has not seen.
 
     Args:
         samples: Instances with outcomes.
+        by: Deal out the scenes, or leave out each object in turn.
         folds: How many parts the scenes are dealt into.
         seed: Of the dealing.
         progress: Called with the share of the work that is done.
         options: Those of :func:`train_forecaster`.
     """
     probability = np.full(len(samples), np.nan)
-    parts = list(by_scene(samples, folds=folds, seed=seed))
+    if by == "scene":
+        parts = list(by_scene(samples, folds=folds, seed=seed))
+    else:
+        parts = [fold for _, fold in by_object(samples)]
     for i, (train, test) in enumerate(parts):
 
         def step(share: float, i: int = i) -> None:
             if progress is not None:
                 progress((i + share) / len(parts))
 
-        seen = np.isin(samples.objects[test], np.unique(samples.objects[train]))
         forecaster = train_forecaster(samples.select(train), progress=step, **options)
-        test = test[seen]
+        if by == "scene":
+            test = test[np.isin(samples.objects[test], forecaster.card.objects)]
         if not len(test):
             continue
-        chosen = samples.estimates.select(test)
-        probability[test] = forecaster.probability(chosen, options.get("models"))
+        probability[test] = forecaster.probability(
+            samples.estimates.select(test), options.get("models"), unseen_objects=by == "object"
+        )
     scored = ~np.isnan(probability)
     return score(probability[scored], samples.success[scored], samples.objects[scored])

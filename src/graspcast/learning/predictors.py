@@ -10,15 +10,16 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from graspcast.errors import InputError
-from graspcast.learning.baseline import fit_thresholds
+from graspcast.errors import InputError, MismatchError
+from graspcast.learning.baseline import fit_threshold
 from graspcast.learning.mlp import Mlp
 from graspcast.learning.mlp_training import MlpSettings, Problem, Watch, train
 from graspcast.learning.networks import validation_part
 
-__all__ = ["NetworkEnsemble", "NetworkSettings", "Predictor", "Thresholds"]
+__all__ = ["UNSEEN", "NetworkEnsemble", "NetworkSettings", "Predictor", "Thresholds"]
 
-POOLED = "*"
+UNSEEN = -1
+"""The number of an object that was not trained on."""
 
 
 @runtime_checkable
@@ -36,14 +37,14 @@ class Predictor(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Thresholds:
-    """One threshold an object on a single feature, the mean ADD in metres.
+    """One threshold an object on a single feature, the mean ADD in metres, and one for all.
 
     The probability is the success rate of the training samples on the same side of the threshold,
     with one success and one failure added to each side (Laplace).
 
     Attributes:
-        threshold: Metres, (k,).
-        rate_below, rate_above: Success rates, (k,).
+        threshold: Metres, (k + 1,); the last is learned on all objects alike, for unseen ones.
+        rate_below, rate_above: Success rates, (k + 1,).
     """
 
     threshold: Float[ndarray, "k"]
@@ -54,16 +55,17 @@ class Thresholds:
     def fit(
         cls, features: Float[ndarray, "n d"], success: Bool[ndarray, "n"], objects: ndarray
     ) -> Thresholds:
-        """Learn the threshold of each object number from 0 to the largest."""
+        """Learn the threshold of each object number from 0 to the largest, and of all."""
         value = features[:, 0]
-        learned = fit_thresholds(value, success, objects)
-        threshold = np.array([learned[str(k)] for k in range(int(objects.max()) + 1)])
-        below = value < threshold[objects]
-        rates = []
-        for side in (below, ~below):
-            held = np.bincount(objects[side & success], minlength=len(threshold))
-            rates.append((held + 1) / (np.bincount(objects[side], minlength=len(threshold)) + 2))
-        return cls(threshold, *rates)
+        groups = [objects == k for k in range(int(objects.max()) + 1)]
+        groups.append(np.full(len(value), True))
+        rows = []
+        for mine in groups:
+            threshold = fit_threshold(value[mine], success[mine])
+            below = value < threshold
+            sides = (mine & below, mine & ~below)
+            rows.append([threshold, *((success[s].sum() + 1) / (s.sum() + 2) for s in sides)])
+        return cls(*np.array(rows, dtype=np.float64).T)
 
     def probability(self, features: Float[ndarray, "n d"], objects: ndarray) -> Float[ndarray, "n"]:
         """Probability of success of each row."""
@@ -165,10 +167,18 @@ class NetworkEnsemble:
         scaled = (features - self.shift) / self.scale
         if not self.pools_objects:
             return scaled
-        return np.concatenate([scaled, np.eye(self.objects)[objects]], axis=1)
+        # The last row is for unseen objects, which are none of the known.
+        one_hot = np.concatenate([np.eye(self.objects), np.zeros((1, self.objects))])
+        return np.concatenate([scaled, one_hot[objects]], axis=1)
 
     def probability(self, features: Float[ndarray, "n d"], objects: ndarray) -> Float[ndarray, "n"]:
-        """Probability of success of each row, the members' average."""
+        """Probability of success of each row, the members' average.
+
+        Raises:
+            MismatchError: for an unseen object, where each object has networks of its own.
+        """
+        if not self.pools_objects and (objects == UNSEEN).any():
+            raise MismatchError("networks for each object cannot answer for an unseen one")
         inputs = self._inputs(features, objects)
         out = np.empty(len(inputs))
         for pool, members in enumerate(self.members):

@@ -1,0 +1,157 @@
+"""All reference grasps on one sheet, each with the closed hand (the paper's Figure 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from jaxtyping import UInt8
+from numpy import ndarray
+
+from graspcast.errors import ExtraMissingError, InputError
+from graspcast.grasping.catalogue import Catalogue, ObjectEntry
+from graspcast.grasping.grasps import GraspTable
+from graspcast.grasping.gripper import Gripper
+from graspcast.grasping.objects import BopDirectories, load_object
+from graspcast.grasping.pictures import (
+    FAINT,
+    INK,
+    PAPER,
+    describe,
+    pillow,
+    save_png,
+    write,
+    write_outcome,
+)
+from graspcast.grasping.recording import record_trial
+from graspcast.grasping.render import SceneRenderer
+from graspcast.grasping.trial import Outcome, TrialRunner
+
+__all__ = ["Cell", "draw_cells", "save_sheet"]
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """One field of a contact sheet.
+
+    Attributes:
+        pixels: The picture, or None for an empty field.
+        note: What is written below it; in an empty field, why it is empty.
+        outcome: The outcome of the trial that it shows, if any.
+    """
+
+    pixels: UInt8[ndarray, "h w 3"] | None
+    note: str
+    outcome: Outcome | None = None
+
+
+def draw_cells(
+    entries: Sequence[ObjectEntry],
+    grippers: Sequence[Gripper],
+    grasps: GraspTable,
+    *,
+    catalogue: Catalogue,
+    bop_dirs: BopDirectories | None = None,
+    size: int = 320,
+    collision: bool = False,
+    progress: Progress | None = None,
+) -> dict[tuple[str, str], Cell]:
+    """Try every reference grasp with a perfect estimate and draw the hand when it has closed.
+
+    A pair without a grasp, and an object without a mesh, has an empty field that says so.
+
+    Returns:
+        A field for every pair of an object's and a gripper's name.
+    """
+    cells: dict[tuple[str, str], Cell] = {}
+    total = len(entries) * len(grippers)
+    for entry in entries:
+        try:
+            target = load_object(entry.name, bop_dirs=bop_dirs, catalogue=catalogue)
+            missing = None
+        except (InputError, ExtraMissingError) as error:
+            missing = Cell(None, "no mesh" if entry.mesh is None else str(error))
+        for gripper in grippers:
+            pair = (entry.name, gripper.name)
+            if pair not in grasps:
+                cells[pair] = Cell(None, "no reference grasp")
+            elif missing is not None:
+                cells[pair] = missing
+            else:
+                reference = grasps(*pair)
+                runner = TrialRunner(reference.applied_to(target), gripper)
+                recording = record_trial(runner, np.eye(4), reference.grasp)
+                state = (recording.of("close") or recording.states)[-1]
+                with SceneRenderer(
+                    target, gripper, width=size, height=size, collision=collision
+                ) as renderer:
+                    pixels = renderer.image(state, renderer.close_up(state))
+                outcome = recording.outcome
+                cells[pair] = Cell(pixels, describe(outcome), outcome)
+            if progress is not None:
+                progress(len(cells) / total)
+    return cells
+
+
+def save_sheet(
+    path: str | PathLike[str],
+    objects: Sequence[tuple[str, str]],
+    grippers: Sequence[str],
+    cells: Mapping[tuple[str, str], Cell],
+    *,
+    size: int,
+    columns: int = 5,
+) -> None:
+    """A PNG with a field for each object and gripper, ``columns`` objects side by side.
+
+    Args:
+        path: Where to.
+        objects: Name and label of each object, in order.
+        grippers: Names; their fields of one object are below one another.
+        cells: By name of object and gripper.
+        size: Of a field's picture, pixels.
+        columns: Objects in a row.
+
+    Raises:
+        ExtraMissingError: if Pillow is not installed.
+        InputError: if the file cannot be written.
+    """
+    image_module, draw_module = pillow()
+    columns = min(columns, len(objects))
+    bands = -(-len(objects) // columns)
+    head, foot, gap, side = 34, 26, 22, 40
+    band = head + len(grippers) * (size + foot) + gap
+    sheet = image_module.new("RGB", (side + columns * (size + 8), bands * band), PAPER)
+    draw = draw_module.Draw(sheet)
+    for k, (name, label) in enumerate(objects):
+        x, y = side + (k % columns) * (size + 8), (k // columns) * band
+        write(draw, (x + size // 2, y + head // 2), f"{label}  ({name})", 18, INK, "mm")
+        for row, gripper in enumerate(grippers):
+            top = y + head + row * (size + foot)
+            cell = cells[name, gripper]
+            if k % columns == 0:
+                _sideways(sheet, (side // 2, top + size // 2), gripper)
+            if cell.pixels is None:
+                draw.rectangle((x, top, x + size - 1, top + size - 1), outline=(225, 226, 228))
+                write(draw, (x + size // 2, top + size // 2), cell.note, 15, FAINT, "mm")
+                continue
+            sheet.paste(image_module.fromarray(cell.pixels), (x, top))
+            at = (x + size // 2, top + size + foot // 2 - 2)
+            if cell.outcome is not None:
+                write_outcome(draw, at, cell.outcome, 15, "mm")
+            else:
+                write(draw, at, cell.note, 15, FAINT, "mm")
+    save_png(path, sheet)
+
+
+def _sideways(sheet: Any, middle: tuple[int, int], text: str) -> None:
+    image_module, draw_module = pillow()
+    label = image_module.new("RGB", (240, 28), PAPER)
+    write(draw_module.Draw(label), (120, 14), text, 18, INK, "mm")
+    turned = label.rotate(90, expand=True)
+    sheet.paste(turned, (middle[0] - turned.width // 2, middle[1] - turned.height // 2))

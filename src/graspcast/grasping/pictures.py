@@ -1,0 +1,204 @@
+"""Trials as files to look at: a strip of pictures, or a film."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import UInt8
+from numpy import ndarray
+
+from graspcast.errors import ExtraMissingError, InputError
+from graspcast.files import atomic_write
+from graspcast.grasping.recording import Recording, State
+from graspcast.grasping.render import SceneRenderer
+from graspcast.grasping.trial import Outcome
+
+__all__ = ["describe", "endings", "save_film", "save_strip", "strip_states"]
+
+Progress = Callable[[float], None]
+_FPS = {".mp4": 25.0, ".gif": 12.5}
+_LINGER_S = 1.0
+_LIFTED_M = 0.05
+INK, FAINT, _GOOD, _BAD = (30, 32, 36), (120, 124, 130), (20, 120, 50), (176, 40, 36)
+PAPER = (255, 255, 255)
+
+
+def endings() -> tuple[str, ...]:
+    """The endings of files that a trial can be drawn to."""
+    return (*_FPS, ".png")
+
+
+def describe(outcome: Outcome) -> str:
+    """An outcome in a few words."""
+    if np.isnan(outcome.offset_m):
+        return outcome.reason
+    return f"{outcome.reason}, offset {_length(outcome.offset_m)}"
+
+
+def strip_states(recording: Recording) -> list[tuple[str, State]]:
+    """What a strip shows: each moment's name and state, as far as the trial came."""
+    approach, close, lift = (recording.of(phase) for phase in ("approach", "close", "lift"))
+    out = [("pre-grasp", recording.states[0])]
+    if len(approach) > 1:
+        out.append(("at the grasp", approach[-1]))
+    if close:
+        out.append(("closed", close[-1]))
+    if lift:
+        risen = [s.sim_T_base[2, 3] - lift[0].sim_T_base[2, 3] for s in lift]
+        if risen[-1] > 1.5 * _LIFTED_M:
+            first = int(np.argmax(np.array(risen) >= _LIFTED_M))
+            out.append((f"lifted {_length(risen[first])}", lift[first]))
+        out.append((f"end, lifted {_length(risen[-1])}", lift[-1]))
+    return out
+
+
+def save_strip(
+    path: str | PathLike[str], recording: Recording, renderer: SceneRenderer, title: str
+) -> None:
+    """A PNG of the moments of :func:`strip_states` side by side, and the outcome.
+
+    Raises:
+        ExtraMissingError: if Pillow is not installed.
+        InputError: if the file cannot be written.
+    """
+    image_module, draw_module = pillow()
+    views = dict(zip(map(id, recording.states), renderer.views(recording), strict=True))
+    moments = strip_states(recording)
+    width, height, line = renderer.width, renderer.height, 26
+    sheet = image_module.new("RGB", (width * len(moments), height + 3 * line), PAPER)
+    draw = draw_module.Draw(sheet)
+    for k, (name, state) in enumerate(moments):
+        pixels = renderer.image(state, views[id(state)], recording.overlay(state))
+        sheet.paste(image_module.fromarray(pixels), (k * width, 2 * line))
+        write(draw, (k * width + width // 2, 2 * line + height + line // 2), name, 16, FAINT, "mm")
+    write(draw, (10, line // 2), title, 17, INK, "lm")
+    write_outcome(draw, (10, line + line // 2), recording.outcome, 17, "lm")
+    save_png(path, sheet)
+
+
+def save_film(
+    path: str | PathLike[str],
+    recording: Recording,
+    renderer: SceneRenderer,
+    title: str,
+    progress: Progress | None = None,
+) -> None:
+    """A film in real time, MP4 or GIF by the ending, that lingers on the last picture.
+
+    Raises:
+        ExtraMissingError: if Pillow, or for MP4 the encoder, is not installed.
+        InputError: if the file cannot be written.
+    """
+    ending = Path(path).suffix.lower()
+    fps = _FPS[ending]
+    pillow()
+    views = dict(zip(map(id, recording.states), renderer.views(recording), strict=True))
+    states = recording.every(1.0 / fps)
+
+    def frames() -> Iterator[UInt8[ndarray, "h w 3"]]:
+        for k, state in enumerate(states):
+            last = k == len(states) - 1
+            pixels = renderer.image(state, views[id(state)], recording.overlay(state))
+            frame = _captioned(pixels, title, state.phase, recording.outcome if last else None)
+            if progress is not None:
+                progress((k + 1) / len(states))
+            yield from (round(fps * _LINGER_S) if last else 1) * (frame,)
+
+    size = (renderer.width, renderer.height)
+    with atomic_write(path) as temporary:
+        (_write_mp4 if ending == ".mp4" else _write_gif)(temporary, frames(), size, fps)
+
+
+def pillow() -> tuple[Any, Any]:
+    try:
+        from PIL import Image, ImageDraw
+    except ImportError as error:
+        raise ExtraMissingError("pillow", "render") from error
+    return Image, ImageDraw
+
+
+def write(
+    draw: Any, at: tuple[int, int], text: str, size: int, colour: tuple[int, ...], anchor: str
+) -> None:
+    from PIL import ImageFont
+
+    draw.text(at, text, fill=colour, font=ImageFont.load_default(size), anchor=anchor)
+
+
+def write_outcome(draw: Any, at: tuple[int, int], outcome: Outcome, size: int, anchor: str) -> None:
+    write(draw, at, describe(outcome), size, _GOOD if outcome.success else _BAD, anchor)
+
+
+def _captioned(
+    pixels: UInt8[ndarray, "h w 3"], title: str, phase: str, outcome: Outcome | None
+) -> UInt8[ndarray, "h w 3"]:
+    image_module, draw_module = pillow()
+    image = image_module.fromarray(pixels)
+    draw = draw_module.Draw(image)
+    write(draw, (10, 16), title, 15, INK, "lm")
+    if outcome is None:
+        write(draw, (10, 38), phase, 15, FAINT, "lm")
+    else:
+        write_outcome(draw, (10, 38), outcome, 15, "lm")
+    return np.asarray(image)
+
+
+def save_png(path: str | PathLike[str], image: Any) -> None:
+    with atomic_write(path) as temporary:
+        image.save(temporary, format="PNG", optimize=True)
+
+
+def _write_gif(
+    path: Path, frames: Iterator[UInt8[ndarray, "h w 3"]], size: tuple[int, int], fps: float
+) -> None:
+    image_module, _ = pillow()
+    # One palette for all frames, so that a still background stays still.
+    first = image_module.fromarray(next(frames)).quantize(128, dither=image_module.Dither.NONE)
+    rest = (
+        image_module.fromarray(f).quantize(palette=first, dither=image_module.Dither.NONE)
+        for f in frames
+    )
+    first.save(
+        path,
+        format="GIF",
+        save_all=True,
+        append_images=rest,
+        duration=round(1000 / fps),
+        loop=0,
+    )
+
+
+def _write_mp4(
+    path: Path, frames: Iterator[UInt8[ndarray, "h w 3"]], size: tuple[int, int], fps: float
+) -> None:
+    try:
+        from imageio_ffmpeg import write_frames
+    except ImportError as error:
+        raise ExtraMissingError("imageio-ffmpeg", "video") from error
+    film = write_frames(
+        str(path),
+        size,
+        fps=fps,
+        quality=8,
+        macro_block_size=2,
+        # The temporary file's name says nothing of its format.
+        output_params=["-f", "mp4", "-movflags", "+faststart"],
+    )
+    film.send(None)
+    try:
+        for frame in frames:
+            film.send(np.ascontiguousarray(frame))
+    except OSError as error:
+        raise InputError(f"the encoder stopped ({str(error).splitlines()[0]})") from error
+    finally:
+        film.close()
+
+
+def _length(metres: float) -> str:
+    if metres >= 0.995:
+        return f"{metres:.2f} m"
+    return f"{1000 * metres:.0f} mm" if metres >= 0.01 else f"{1000 * metres:.1f} mm"

@@ -1,0 +1,174 @@
+"""Pictures of a scene without a display: the object, the estimate as a green overlay, the hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, UInt8
+from numpy import ndarray
+
+from graspcast.geometry import transform_points
+from graspcast.grasping.appearance import FOVY_DEG, Appearance
+from graspcast.grasping.gl import open_context
+from graspcast.grasping.gripper import Gripper
+from graspcast.grasping.recording import Recording, State
+from graspcast.grasping.types import GraspObject
+
+__all__ = ["SceneRenderer", "View"]
+
+_MARGIN = 1.06
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Where a picture is taken from: looking at a point, from a direction, at a distance (m)."""
+
+    lookat: Float[ndarray, " 3"]
+    distance: float
+    azimuth_deg: float
+    elevation_deg: float
+
+
+class SceneRenderer:
+    """Draws states of trials of one object with one gripper.
+
+    Use it in one thread, and as a context manager.
+
+    Args:
+        grasp_object: The object; without a mesh its collision pieces are drawn.
+        gripper: The gripper.
+        width, height: Pixels.
+        collision: Draw the collision pieces in place of the mesh.
+
+    Raises:
+        ExtraMissingError: if PyOpenGL is not installed.
+        InputError: if there is no OpenGL to draw with.
+    """
+
+    def __init__(
+        self,
+        grasp_object: GraspObject,
+        gripper: Gripper,
+        *,
+        width: int = 640,
+        height: int = 480,
+        collision: bool = False,
+    ):
+        self._context: Any = None
+        self._mjr: Any = None
+        import mujoco
+
+        self.width, self.height = width, height
+        self.gripper = gripper
+        self._seen = Appearance(
+            grasp_object, gripper, collision=collision, width=width, height=height
+        )
+        self._context = open_context(width, height)
+        self._scene = mujoco.MjvScene(self._seen.model, maxgeom=2000)
+        self._mjr = mujoco.MjrContext(self._seen.model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr)
+
+    def image(
+        self, state: State, view: View, sim_T_est: Float[ndarray, "4 4"] | None = None
+    ) -> UInt8[ndarray, "h w 3"]:
+        """A picture of a state; with the estimate laid over it where one is given."""
+        import mujoco
+
+        if self._mjr is None:
+            raise ValueError("this renderer is closed")
+        seen = self._seen
+        seen.pose(state, sim_T_est)
+        camera = mujoco.MjvCamera()
+        camera.lookat[:], camera.distance = view.lookat, view.distance
+        camera.azimuth, camera.elevation = view.azimuth_deg, view.elevation_deg
+        option = mujoco.MjvOption()
+        mujoco.mjv_updateScene(
+            seen.model, seen.data, option, None, camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene
+        )
+        self._context.make_current()
+        area = mujoco.MjrRect(0, 0, self.width, self.height)
+        mujoco.mjr_render(area, self._scene, self._mjr)
+        pixels = np.empty((self.height, self.width, 3), dtype=np.uint8)
+        mujoco.mjr_readPixels(pixels, None, area, self._mjr)
+        return pixels[::-1].copy()
+
+    def views(self, recording: Recording) -> list[View]:
+        """One view for each state: still until the lift, then it follows the hand.
+
+        Where the object stays behind, both are kept in the picture.
+        """
+        azimuth, elevation = _direction(
+            recording.states[0].sim_T_base[:3, :3] @ self.gripper.base_T_tcp[:3, :3]
+        )
+        still = [s for s in recording.states if s.phase != "lift"]
+        ends = (still[0], still[-1])
+        hand = [self._seen.hand_corners(state) for state in ends]
+        things = [transform_points(state.sim_T_obj, self._seen.object_corners) for state in ends]
+        things.append(transform_points(recording.sim_T_est, self._seen.object_corners))
+        points = np.concatenate(hand + things)
+        lowest = still[-1].sim_T_base[2, 3]
+        out = []
+        for state in recording.states:
+            seen = points
+            if state.phase == "lift":
+                risen = points + [0.0, 0.0, state.sim_T_base[2, 3] - lowest]
+                seen = np.concatenate(
+                    [risen, transform_points(state.sim_T_obj, self._seen.object_corners)]
+                )
+            out.append(self._frame(seen, azimuth, elevation))
+        return out
+
+    def close_up(self, state: State) -> View:
+        """A view of the object in the hand."""
+        azimuth, elevation = _direction(state.sim_T_base[:3, :3] @ self.gripper.base_T_tcp[:3, :3])
+        points = [
+            self._seen.hand_corners(state),
+            transform_points(state.sim_T_obj, self._seen.object_corners),
+        ]
+        return self._frame(np.concatenate(points), azimuth, elevation)
+
+    def close(self) -> None:
+        """Free what is held on the graphics card."""
+        if self._mjr is not None:
+            self._context.make_current()
+            self._mjr.free()
+            self._context.free()
+        self._context = self._mjr = None
+
+    def __enter__(self) -> SceneRenderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _frame(self, points: Float[ndarray, "n 3"], azimuth: float, elevation: float) -> View:
+        """The nearest view from a direction that has all points in the picture."""
+        a, e = np.radians([azimuth, elevation])
+        forward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+        right = np.array([np.sin(a), -np.cos(a), 0.0])
+        axes = np.stack([right, np.cross(right, forward), forward])
+        seen = points @ axes.T
+        middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+        off = seen - middle
+        half = np.tan(np.radians(FOVY_DEG) / 2) / _MARGIN
+        limits = np.array([half * self.width / self.height, half])
+        distance = (np.abs(off[:, :2]) / limits).max(axis=1) - off[:, 2]
+        return View(axes.T @ middle, float(distance.max()), azimuth, elevation)
+
+
+def _direction(sim_T_tcp: Float[ndarray, "3 3"]) -> tuple[float, float]:
+    """Azimuth and elevation (degrees) from which the closing and the approach are both seen.
+
+    Nearly along y of the tool centre point's frame where that is level, else across the approach;
+    a little from the side and from above.
+    """
+    _, across, approach = sim_T_tcp.T
+    level = across if np.hypot(*across[:2]) > 0.5 else np.array([-approach[1], approach[0], 0.0])
+    azimuth = np.degrees(np.arctan2(level[1], level[0]))
+    # Of the two sides, the one nearer to looking along the world's +y.
+    if np.cos(np.radians(azimuth - 90.0)) < 0:
+        azimuth += 180.0
+    steep = abs(across[2]) > 0.5
+    return float(azimuth + 28.0), -32.0 if steep else -16.0

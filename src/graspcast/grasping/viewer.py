@@ -1,0 +1,84 @@
+"""A trial in MuJoCo's viewer: a recording, played in real time again and again."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+import warnings
+from typing import Any
+
+from graspcast.errors import ExtraMissingError, InputError
+from graspcast.grasping.appearance import Appearance
+from graspcast.grasping.gripper import Gripper
+from graspcast.grasping.recording import Recording
+from graspcast.grasping.types import GraspObject
+
+__all__ = ["check_display", "replay"]
+
+_PAUSE_S, _FRAME_S = 1.0, 0.02
+_INSTEAD = "give --out with a file that ends in .mp4, .gif or .png"
+
+
+def check_display() -> None:
+    """Make sure that a window can be opened.
+
+    Raises:
+        InputError: if there is no display, saying what to do instead.
+        ExtraMissingError: if GLFW is not installed.
+    """
+    on_linux = platform.system() == "Linux"
+    if on_linux and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise InputError(f"there is no display to open MuJoCo's viewer on; {_INSTEAD}")
+    try:
+        import glfw
+    except ImportError as error:
+        raise ExtraMissingError("glfw", "render") from error
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        # The viewer would wait for ever for a window that cannot be opened.
+        opened = glfw.init()
+    if not opened:
+        why = f" ({caught[-1].message})" if caught else ""
+        raise InputError(f"MuJoCo's viewer cannot open a window{why}; {_INSTEAD}")
+
+
+def replay(
+    recording: Recording, grasp_object: GraspObject, gripper: Gripper, *, collision: bool = False
+) -> None:
+    """Play a recording in MuJoCo's viewer until its window is closed.
+
+    Raises:
+        InputError: on macOS, if not run by ``mjpython``, as the viewer needs there.
+    """
+    from mujoco import viewer
+
+    seen = Appearance(grasp_object, gripper, collision=collision)
+    seen.pose(recording.states[0])
+    try:
+        window = viewer.launch_passive(
+            seen.model, seen.data, show_left_ui=False, show_right_ui=False
+        )
+    except RuntimeError as error:
+        raise InputError(
+            f"MuJoCo's viewer does not start ({error}); on macOS run "
+            f"`mjpython -m graspcast watch …`, or {_INSTEAD}"
+        ) from error
+    with window:
+        middle = seen.object_corners.mean(axis=0) + recording.states[0].sim_T_obj[:3, 3]
+        window.cam.lookat[:], window.cam.distance = middle, 0.8
+        while window.is_running():
+            _play_once(recording, seen, window)
+
+
+def _play_once(recording: Recording, seen: Appearance, window: Any) -> None:
+    started = time.perf_counter()
+    for state in recording.every(_FRAME_S):
+        if not window.is_running():
+            return
+        with window.lock():
+            seen.pose(state, recording.overlay(state))
+        window.sync()
+        ahead = state.time_s - recording.states[0].time_s - (time.perf_counter() - started)
+        time.sleep(max(0.0, ahead))
+    time.sleep(_PAUSE_S)
