@@ -40,5 +40,7 @@ with tempfile.TemporaryDirectory() as folder:
         [*program, "predict", *estimates, f"--model={model}", f"--out={verdicts}"], check=True
     )
     assert len(Path(verdicts).read_text().splitlines()) == 41
+    subprocess.run([*program, "check-gripper", "underactuated"], check=True, capture_output=True)
+    assert len(graspcast.read_grasps()) == 29
     assert json.loads(Path(card).read_text())["card"]["principal"] == "one"
 print(f"graspcast {graspcast.__version__} works from {here.parent}")

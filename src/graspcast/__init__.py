@@ -20,6 +20,15 @@ if TYPE_CHECKING:
     from graspcast.consensus import Features, consensus_features, describe, mean_add
     from graspcast.errors import GraspcastError
     from graspcast.estimates import Estimates, align, concatenate
+    from graspcast.grasping.campaign import run_campaign
+    from graspcast.grasping.conformance import check_gripper
+    from graspcast.grasping.grasps import read_grasps
+    from graspcast.grasping.grippers import load_gripper
+    from graspcast.grasping.guided import guided_trials
+    from graspcast.grasping.objects import load_object
+    from graspcast.grasping.trial import Outcome, TrialRunner
+    from graspcast.grasping.types import Grasp, GraspObject
+    from graspcast.grasping.work import load_pairs
     from graspcast.learning.forecaster import Forecaster, cross_validate, train_forecaster
     from graspcast.learning.predictors import NetworkSettings
     from graspcast.learning.samples import Samples, join
@@ -38,6 +47,15 @@ _HOME = {
     "consensus": ("Features", "consensus_features", "describe", "mean_add"),
     "errors": ("GraspcastError",),
     "estimates": ("Estimates", "align", "concatenate"),
+    "grasping.campaign": ("run_campaign",),
+    "grasping.conformance": ("check_gripper",),
+    "grasping.grasps": ("read_grasps",),
+    "grasping.grippers": ("load_gripper",),
+    "grasping.guided": ("guided_trials",),
+    "grasping.objects": ("load_object",),
+    "grasping.trial": ("Outcome", "TrialRunner"),
+    "grasping.types": ("Grasp", "GraspObject"),
+    "grasping.work": ("load_pairs",),
     "learning.forecaster": ("Forecaster", "cross_validate", "train_forecaster"),
     "learning.predictors": ("NetworkSettings",),
     "learning.samples": ("Samples", "join"),

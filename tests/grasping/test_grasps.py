@@ -92,6 +92,7 @@ def test_a_pairs_own_friction_and_mass() -> None:
     np.testing.assert_allclose(reference.applied_to(can).inertia * 0.349, can.inertia * 0.4)
 
 
+@pytest.mark.ill_typed
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -111,6 +112,7 @@ def test_a_file_that_is_wrong(tmp_path: Path, old: str, new: str, message: str) 
         read_grasps(tmp_path / "mine.toml")
 
 
+@pytest.mark.ill_typed
 def test_figures_are_numbers_or_text(tmp_path: Path) -> None:
     grasp = Grasp(np.eye(4), "mug", "parallel")
     with pytest.raises(InputError, match="'kappa' is None"):

@@ -136,6 +136,7 @@ TOML = THREE_JAW.read_text()
 MJCF = (THREE_JAW.parent / "three_jaw.xml").read_text()
 
 
+@pytest.mark.ill_typed
 @pytest.mark.parametrize(
     ("toml", "mjcf", "error", "message"),
     [
@@ -299,6 +300,7 @@ def test_a_broken_gripper_fails_at_the_check_that_names_its_fault(
     assert f"FAIL {check}" in str(report)
 
 
+@pytest.mark.ill_typed
 def test_something_that_is_no_gripper_at_all_is_told_what_it_lacks() -> None:
     report = check_gripper(SimpleNamespace(name="spoon"))  # type: ignore[arg-type]
     assert [c.name for c in report.failures] == ["describes"]

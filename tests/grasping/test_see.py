@@ -116,7 +116,7 @@ def test_recording_does_not_change_the_outcome(
 ) -> None:
     plain = runner.run(obj_T_est, grasp, early_stop=early_stop)
     seen = record_trial(runner, obj_T_est, grasp, early_stop=early_stop).outcome
-    assert repr(replace(plain, computed_s=0)) == repr(replace(seen, computed_s=0))
+    assert repr(replace(plain, computed_s=0.0)) == repr(replace(seen, computed_s=0.0))
 
 
 def test_a_recording_runs_forward_in_time_and_in_space(held: Recording) -> None:

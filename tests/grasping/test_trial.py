@@ -359,6 +359,7 @@ def test_settings_that_cannot_work_are_refused() -> None:
             replace(TrialSettings(), **wrong)
 
 
+@pytest.mark.ill_typed
 def test_every_setting_is_in_the_digest() -> None:
     settings = TrialSettings()
     other = {"integrator": "euler", "cone": "pyramidal", "condim": 3, "hand_touches_table": False}

@@ -75,12 +75,15 @@ def labelled_trials(
     if not len(joined):
         raise InputError("none of these estimates has an outcome; are names and numbers the same?")
     requests = asked.select(joined["row"].to_numpy().astype(np.int64))
-    dataset, scene, image = (
-        requests.keys[name].to_numpy() for name in ("dataset", "scene_id", "im_id")
-    )
+    keys = requests.keys
     frames = frames_of({name: dataset.ground_truth for name, dataset in datasets.items()})
     return LabelledTrials(
         requests=requests,
         success=joined["success"].to_numpy().astype(bool),
-        part=part_of(dataset, scene, image, frames),
+        part=part_of(
+            keys["dataset"].to_numpy(),
+            keys["scene_id"].to_numpy(),
+            keys["im_id"].to_numpy(),
+            frames,
+        ),
     )
