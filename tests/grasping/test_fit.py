@@ -3,6 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import polars as pl
 import pytest
 from jaxtyping import Float
 from numpy import ndarray
@@ -10,10 +11,11 @@ from solids import box
 
 from graspcast.errors import InputError
 from graspcast.geometry import exp, invert, transform_points
-from graspcast.grasping.agreement import agreement
 from graspcast.grasping.candidates import OpenHand, propose, surface_points, vary
 from graspcast.grasping.fit import SearchEffort, fit_grasp, jitter_held, report_grasp, simulated
 from graspcast.grasping.grippers import load_gripper
+from graspcast.grasping.labelled import LabelledTrials
+from graspcast.grasping.requests import TrialRequests
 from graspcast.grasping.sample import FittedTrials
 from graspcast.grasping.trial import TrialRunner
 from graspcast.grasping.types import Grasp, GraspObject
@@ -120,11 +122,6 @@ def test_the_search_finds_a_grasp_that_behaves_like_the_unknown_one() -> None:
 @pytest.mark.slow
 def test_the_same_seed_finds_the_same_grasp_whatever_the_report_part_says() -> None:
     """The search is given two parts; poisoning the third cannot change what it finds."""
-    import polars as pl
-
-    from graspcast.grasping.labelled import LabelledTrials
-    from graspcast.grasping.requests import TrialRequests
-
     labelled = truth(150, seed=1)
     part = np.repeat(["fit", "choose", "report"], 50)
     keys = pl.DataFrame({"im_id": np.arange(150)}).with_columns(
@@ -140,7 +137,6 @@ def test_the_same_seed_finds_the_same_grasp_whatever_the_report_part_says() -> N
     poses = []
     for success in (labelled.success, poisoned):
         trials = LabelledTrials(TrialRequests(keys, labelled.obj_T_est), success, part)
-        assert agreement(trials.of("box", "parallel", "report").success, labelled.success[100:])
         found = fit_grasp(
             brick(),
             load_gripper("parallel"),

@@ -59,7 +59,7 @@ def add_verbs(verbs: Verbs) -> None:
         metavar="X",
         type=float,
         default=1.0,
-        help="how much to try, 1 being some 1,200 trials (default: 1)",
+        help="how much to try, 1 being some 2,000 trials (default: 1)",
     )
     verb.add_argument(
         "--contradicted",

@@ -60,12 +60,12 @@ class SearchEffort:
         choose: Trials of each finalist on the choose part.
     """
 
-    proposals: int = 300
-    racers: int = 16
+    proposals: int = 600
+    racers: int = 24
     children: int = 10
-    first: int = 9
-    last: int = 72
-    choose: int = 100
+    first: int = 8
+    last: int = 128
+    choose: int = 200
 
     def scaled(self, factor: float) -> SearchEffort:
         """More or less of everything that is simulated."""

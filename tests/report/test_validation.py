@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from graspcast.grasping.grasps import GraspTable, ReferenceGrasp
+from graspcast.grasping.labelled import LabelledTrials
+from graspcast.grasping.requests import TrialRequests
+from graspcast.grasping.types import Grasp
+from graspcast.report.paper import paper_tables
+from graspcast.report.validation import compare, render_cells, render_table1
+
+HANDS = ("parallel", "underactuated")
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, Any]:
+    """Six trials a gripper of the soup can by one estimator, two in each part of the images."""
+    keys = pl.DataFrame(
+        {
+            "estimator": ["epos"] * 12,
+            "dataset": ["ycbv"] * 12,
+            "scene_id": [50] * 12,
+            "im_id": 2 * list(range(6)),
+            "obj_id": [4] * 12,
+            "inst_id": [0] * 12,
+            "gripper": np.repeat(HANDS, 6).tolist(),
+        }
+    )
+    given = np.array([1, 0, 1, 0, 1, 0, 1, 1, 1, 1, 1, 1], dtype=bool)
+    ours = np.array([1, 1, 1, 0, 1, 0, 1, 1, 1, 1, 1, 0], dtype=bool)
+    reasons = ["held" if s else "blocked" for s in ours]
+    part = np.array(2 * ["fit", "fit", "choose", "choose", "report", "report"])
+    trials = LabelledTrials(TrialRequests(keys, np.tile(np.eye(4), (12, 1, 1))), given, part)
+    # A campaign's outcomes come in an order of their own.
+    outcomes = keys.with_columns(success=pl.Series(ours), reason=pl.Series(reasons)).reverse()
+    grasps = GraspTable(
+        ReferenceGrasp(Grasp(np.eye(4), "ycbv-4", g), "a test", agreement={"candidates": 7})
+        for g in HANDS
+    )
+    return compare(trials, outcomes, grasps, {("ycbv-4", g): 19 for g in HANDS})
+
+
+def test_parts_are_told_apart(found: dict[str, Any]) -> None:
+    parallel = found["cells"]["ycbv-4 by parallel"]
+    assert [parallel[p]["accuracy"] for p in ("fit", "choose", "report")] == [0.5, 1.0, 1.0]
+    assert parallel["report"]["n"] == 2 and parallel["report"]["majority"] == 0.5
+    assert parallel["reasons"] == {"blocked": 1, "held": 1}, "the report part's alone"
+
+
+def test_summary(found: dict[str, Any]) -> None:
+    summary = found["summary"]
+    assert summary["accuracy"] == pytest.approx((1.0 + 0.5) / 2)
+    assert (summary["open_cells"], summary["kappa_open_cells"]) == (1, pytest.approx(1.0))
+    assert summary["below_majority"] == ["ycbv-4 by underactuated"]
+    assert not summary["perfect_held_by_all"]
+    paper = paper_tables()["table1"]["ycbv-4"]["epos"]
+    difference = (abs(4 / 6 - paper["parallel"]) + abs(5 / 6 - paper["underactuated"])) / 2
+    assert summary["table1_mean_absolute_difference"] == pytest.approx(difference)
+
+
+def test_tables(found: dict[str, Any]) -> None:
+    cells = render_cells(found).splitlines()
+    assert len(cells) == 4 and "19/20" in cells[2] and cells[2].rstrip(" |").endswith("7")
+    assert "0.667" in next(row for row in render_table1(found).splitlines() if "Soup can" in row)
