@@ -202,8 +202,7 @@ def mean_add(
     the paper adapts it; plain ADD, also for symmetric objects.
     """
     out = np.empty(len(estimates))
-    for rows, dataset, obj_id, adds in _adds(estimates, principal, models):
-        del dataset, obj_id
+    for rows, _, _, adds in _adds(estimates, principal, models):
         out[rows] = adds.mean(axis=1)
     return out
 

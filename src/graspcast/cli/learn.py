@@ -11,6 +11,7 @@ from graspcast.cli.options import (
     add_inputs,
     add_json,
     add_out,
+    add_outcomes,
     add_verb,
     inputs_of,
     share,
@@ -49,13 +50,10 @@ def add_verbs(verbs: Verbs) -> None:
     verb.add_argument(
         "--seeds", metavar="N", type=_positive, default=1, help="train with so many seeds"
     )
-    verb.add_argument(
-        "--outcomes",
-        metavar="FILE",
-        type=Path,
-        action="append",
-        default=[],
-        help="outcomes of one's own (a campaign's directory) instead of the published ones",
+    add_outcomes(
+        verb,
+        required=False,
+        what="outcomes of one's own (a campaign's directory) instead of the published ones",
     )
     add_json(verb)
 
@@ -72,14 +70,7 @@ def _add_train(verbs: Verbs) -> None:
     add_inputs(verb)
     verb.add_argument("--principal", metavar="NAME", required=True, help="guides the grasp")
     verb.add_argument("--gripper", metavar="NAME", required=True, help="whose outcomes to learn")
-    verb.add_argument(
-        "--outcomes",
-        metavar="FILE",
-        type=Path,
-        action="append",
-        required=True,
-        help="trial outcomes: CSV, Parquet, or a campaign's directory; may be repeated",
-    )
+    add_outcomes(verb, required=True)
     verb.add_argument(
         "--method",
         choices=("threshold", "MLP", "MLP-O"),

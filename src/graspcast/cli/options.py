@@ -19,6 +19,7 @@ __all__ = [
     "add_inputs",
     "add_json",
     "add_out",
+    "add_outcomes",
     "add_verb",
     "inputs_of",
     "share",
@@ -132,6 +133,24 @@ def share(text: str) -> float:
 def add_out(verb: argparse.ArgumentParser, what: str) -> None:
     """``--out PATH``, required."""
     verb.add_argument("--out", metavar="PATH", type=Path, required=True, help=what)
+
+
+def add_outcomes(
+    verb: argparse.ArgumentParser,
+    *,
+    required: bool,
+    what: str = "trial outcomes: CSV, Parquet, or a campaign's directory; may be repeated",
+) -> None:
+    """``--outcomes FILE``, which may be repeated."""
+    verb.add_argument(
+        "--outcomes",
+        metavar="FILE",
+        type=Path,
+        action="append",
+        default=[],
+        required=required,
+        help=what,
+    )
 
 
 def add_json(verb: argparse.ArgumentParser) -> None:

@@ -13,6 +13,7 @@ from graspcast.cli.options import (
     add_inputs,
     add_json,
     add_out,
+    add_outcomes,
     add_verb,
     inputs_of,
     write_json,
@@ -40,14 +41,7 @@ def add_verbs(verbs: Verbs) -> None:
     )
     verb.add_argument("--data", metavar="DIR", type=Path, help=f"{_DATA}; or name the inputs:")
     add_inputs(verb, required=False)
-    verb.add_argument(
-        "--outcomes",
-        metavar="FILE",
-        type=Path,
-        action="append",
-        default=[],
-        help="trial outcomes: CSV, Parquet, or a campaign's directory; may be repeated",
-    )
+    add_outcomes(verb, required=False)
     verb.add_argument("--object", metavar="NAME", required=True, help="for example lmo-5")
     verb.add_argument("--gripper", metavar="NAME", required=True, help="or an own one's .toml")
     verb.add_argument(

@@ -151,10 +151,11 @@ def table3_baseline(data: Published) -> tuple[Averages, dict[str, Any]]:
 
 
 def table3_networks(
-    data: Published, seeds: int, progress: Callable[[str, float], None] | None = None
+    cells: Mapping[CellKey, Cell],
+    seeds: int,
+    progress: Callable[[str, float], None] | None = None,
 ) -> dict[str, dict[str, Averages]]:
     """Averages of the four network configurations by protocol, each the mean over seeds."""
-    cells = _cells(data)
     truth = {key: cell.success[~cell.is_train] for key, cell in cells.items()}
     out: dict[str, dict[str, Averages]] = {}
     for name, configuration in CONFIGURATIONS.items():
@@ -194,22 +195,23 @@ def reproduce(
     start = time.perf_counter()
     baseline, note = table3_baseline(data)
     table3: dict[str, Any] = {"baseline": {"fitted": baseline}}
-    table3 |= table3_networks(data, seeds, progress)
+    cells = _cells(data)
+    table3 |= table3_networks(cells, seeds, progress)
     return {
         "table1": table1(data.outcomes),
         "table2": table2(data),
         "table3": table3,
         "baseline": note,
-        "majority": _average(_majority(data)),
+        "majority": _average(_majority(cells)),
         "seeds": seeds,
         "seconds": time.perf_counter() - start,
     }
 
 
-def _majority(data: Published) -> dict[CellKey, float]:
+def _majority(cells: Mapping[CellKey, Cell]) -> dict[CellKey, float]:
     """Test accuracy of guessing each cell's more frequent training outcome."""
     out = {}
-    for key, cell in _cells(data).items():
+    for key, cell in cells.items():
         guess = cell.success[cell.is_train].mean() >= 0.5
         out[key] = float((cell.success[~cell.is_train] == guess).mean())
     return out
