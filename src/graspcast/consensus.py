@@ -27,8 +27,8 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates import Estimates
-from graspcast.geometry import compose, euler_zyx, invert, rotation_angle, rotation_vector
-from graspcast.pose_error import add
+from graspcast.geometry import compose, euler_zyx, invert, rotation_vector
+from graspcast.pose_error import add, nearest_symmetric
 
 __all__ = ["FEATURE_SETS", "FeatureSet", "Features", "consensus_features", "describe", "mean_add"]
 
@@ -117,17 +117,6 @@ def _paper(principal: ndarray, supporters: Mapping[str, ndarray]) -> Columns:
             yield f"dpsi_{axis}.{name}", column
 
 
-def _nearest_symmetric(
-    from_T_to: Float[ndarray, "m n 4 4"], symmetries: Float[ndarray, "s 4 4"]
-) -> Float[ndarray, "m n 4 4"]:
-    """Each transform times the symmetry that makes its rotation angle smallest."""
-    if len(symmetries) == 1:
-        return from_T_to
-    candidates = from_T_to[:, :, None] @ symmetries
-    best = rotation_angle(candidates[..., :3, :3]).argmin(axis=2)
-    return np.take_along_axis(candidates, best[:, :, None, None, None], axis=2)[:, :, 0]
-
-
 def _rich(
     principal: ndarray, supporters: Mapping[str, ndarray], symmetries: ndarray, adds: ndarray
 ) -> Columns:
@@ -142,7 +131,7 @@ def _rich(
     k = len(names)
     pairs = [(0, i + 1) for i in range(k)] + list(combinations(range(1, k + 1), 2))
     start, end = (list(side) for side in zip(*pairs, strict=True))
-    near = _nearest_symmetric(compose(invert(poses)[start], poses[end]), symmetries)
+    near = nearest_symmetric(compose(invert(poses)[start], poses[end]), symmetries)
     turn = rotation_vector(near[..., :3, :3])
     angle = np.linalg.norm(turn, axis=-1)
     shift = poses[end][..., :3, 3] - poses[start][..., :3, 3]

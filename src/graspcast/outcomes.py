@@ -12,14 +12,36 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import polars as pl
+from jaxtyping import Float
+from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError
 from graspcast.files import atomic_write
+from graspcast.geometry import rotation_from_vector, rotation_vector, transform
 
-__all__ = ["KEYS", "read_all_outcomes", "read_outcomes", "write_table"]
+__all__ = [
+    "ERROR_COLUMNS",
+    "KEYS",
+    "error_numbers",
+    "read_all_outcomes",
+    "read_error_outcomes",
+    "read_outcomes",
+    "write_table",
+]
 
 KEYS = ("estimator", "dataset", "scene_id", "im_id", "obj_id", "inst_id", "gripper")
+ERROR_COLUMNS = (
+    "error_x_m",
+    "error_y_m",
+    "error_z_m",
+    "error_rx_rad",
+    "error_ry_rad",
+    "error_rz_rad",
+)
+"""Which error guided a trial: origin and rotation vector of ``inv(cam_T_true) @ cam_T_est``."""
+
 _COLUMNS: dict[str, Any] = {
     "estimator": pl.String,
     "dataset": pl.String,
@@ -94,10 +116,54 @@ def read_all_outcomes(paths: Iterable[str | PathLike[str]]) -> pl.DataFrame:
     return table
 
 
+def error_numbers(obj_T_est: Float[ndarray, "n 4 4"]) -> Float[ndarray, "n 6"]:
+    """What :data:`ERROR_COLUMNS` say of an error: metres, and radians."""
+    return np.concatenate([obj_T_est[:, :3, 3], rotation_vector(obj_T_est[:, :3, :3])], axis=1)
+
+
+def read_error_outcomes(
+    path: str | PathLike[str],
+) -> tuple[pl.DataFrame, Float[ndarray, "n 4 4"]]:
+    """Read outcomes together with the errors that guided the trials (a campaign has them).
+
+    Returns:
+        ``object`` (``dataset-number``), ``gripper``, ``success`` (bool); and ``obj_T_est``.
+
+    Raises:
+        FormatError: as :func:`read_outcomes`, or if the errors' columns are missing.
+    """
+    path = Path(path)
+    frame = _read(path)
+    needed = ("dataset", "obj_id", "gripper", "success", *ERROR_COLUMNS)
+    missing = [name for name in needed if name not in frame.columns]
+    if missing:
+        raise FormatError(
+            path,
+            f"no column {', '.join(map(repr, missing))}; give a campaign of graspcast simulate",
+        )
+    try:
+        numbers = frame.select(pl.col(name).cast(pl.Float64) for name in ERROR_COLUMNS).to_numpy()
+        table = frame.select(
+            pl.format("{}-{}", "dataset", "obj_id").alias("object"),
+            pl.col("gripper").cast(pl.String),
+            pl.col("success").cast(pl.Boolean),
+        )
+    except pl.exceptions.PolarsError as error:
+        first = str(error).splitlines()[0]
+        raise FormatError(path, f"a column does not hold what it should ({first})") from error
+    bad = ~np.isfinite(numbers).all(axis=1) | table.select(
+        pl.any_horizontal(pl.all().is_null())
+    ).to_series().to_numpy().astype(bool)
+    if bad.any():
+        raise FormatError(path, "an empty field", where=f"row {int(np.argmax(bad)) + 1}")
+    return table, transform(rotation_from_vector(numbers[:, 3:]), numbers[:, :3])
+
+
 def _read(path: Path) -> pl.DataFrame:
     try:
         if path.is_dir():
-            shards = sorted(path.glob("**/*.parquet"))
+            whole = path / "outcomes.parquet"
+            shards = [whole] if whole.is_file() else sorted(path.glob("**/*.parquet"))
             if not shards:
                 raise FormatError(path, "no Parquet files in this directory")
             return pl.read_parquet(shards)

@@ -17,6 +17,7 @@ from numpy import ndarray
 from graspcast.geometry import compose, invert, rotation_angle, transform_points
 
 __all__ = [
+    "nearest_symmetric",
     "add",
     "add_s",
     "mspd",
@@ -88,6 +89,18 @@ def _largest_pixel_distance(first, second, points):
                 top = max(top, u * u + v * v)
             out[i, s] = np.sqrt(top)
     return out
+
+
+def nearest_symmetric(
+    from_T_to: Float[ndarray, "*batch 4 4"], symmetries: Float[ndarray, "s 4 4"]
+) -> Float[ndarray, "*batch 4 4"]:
+    """Each transform times the symmetry of frame ``to`` that makes its rotation angle smallest."""
+    if len(symmetries) == 1:
+        return from_T_to
+    candidates = from_T_to[..., None, :, :] @ symmetries
+    best = rotation_angle(candidates[..., :3, :3]).argmin(axis=-1)
+    chosen = np.take_along_axis(candidates, best[..., None, None, None], axis=-3)
+    return np.squeeze(chosen, axis=-3)
 
 
 def rotation_error(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,8 @@ from graspcast.cli.options import Verbs, add_inputs, add_out, add_verb, inputs_o
 if TYPE_CHECKING:
     from graspcast.grasping.campaign import Progress
     from graspcast.grasping.executors import Executor
+    from graspcast.grasping.grasps import GraspTable
+    from graspcast.inputs import Inputs
 
 __all__ = ["add_verbs", "words_of"]
 
@@ -35,6 +38,14 @@ def add_verbs(verbs: Verbs) -> None:
         required=True,
         help="parallel, underactuated, or an own gripper's .toml; may be repeated",
     )
+    verb.add_argument(
+        "--borrow",
+        metavar="N",
+        type=int,
+        help="instead, N trials of each object by errors that the estimators made on the others;\n"
+        "an object of one's own (--objects) needs no image of itself",
+    )
+    verb.add_argument("--seed", metavar="N", type=int, default=0, help="of what is borrowed")
     verb.add_argument(
         "--grasps", metavar="FILE", type=Path, help="reference grasps (TOML) beside the built-in"
     )
@@ -88,7 +99,31 @@ def words_of(progress: Progress) -> str:
     return f"{progress.done} of {progress.total} trials, {progress.rate:.1f}/s{remaining}"
 
 
+def _pairs(
+    wanted: Sequence[str], inputs: Inputs, grasps: GraspTable, grippers: Sequence[str]
+) -> list[tuple[str, str]]:
+    """The wanted objects, or all that the estimates are of, with each gripper that grasps them."""
+    from graspcast.errors import InputError
+
+    seen = {
+        f"{dataset}-{number}"
+        for dataset, tables in inputs.results.items()
+        for table in tables.values()
+        for number in set(table.obj_id.tolist())
+    }
+    odd = [name for name in wanted if not name.rpartition("-")[0] or not name[-1].isdigit()]
+    if odd:
+        raise InputError(f"--borrow needs --objects as DATASET-NUMBER (lmo-5), not {odd[0]!r}")
+    pairs = [(name, gripper) for name in sorted(wanted or seen) for gripper in grippers]
+    known = [pair for pair in pairs if pair in grasps]
+    if not known or (wanted and len(known) < len(pairs)):
+        lacking = ", ".join(f"{o} by {g}" for o, g in pairs if (o, g) not in known)
+        raise InputError(f"no reference grasp of {lacking}; give one with --grasps")
+    return known
+
+
 def _simulate(options: argparse.Namespace) -> None:
+    from graspcast.grasping.borrowed import borrowed_trials
     from graspcast.grasping.campaign import run_campaign
     from graspcast.grasping.catalogue import read_catalogue
     from graspcast.grasping.grasps import read_grasps
@@ -96,16 +131,28 @@ def _simulate(options: argparse.Namespace) -> None:
     from graspcast.grasping.guided import guided_trials
     from graspcast.grasping.work import load_pairs
 
+    wanted = options.objects
+    if options.borrow is not None:
+        options.objects = []  # the others' errors are what is borrowed
     inputs = inputs_of(options)
     grippers = {hand.name: hand for hand in map(load_gripper, options.gripper)}
     grasps = read_grasps(options.grasps)
-    requests = guided_trials(
-        inputs.results,
-        inputs.datasets,
-        tuple(grippers),
-        grasps=grasps if options.lenient else None,
-        notes=inputs.notes,
-    )
+    if options.borrow is None:
+        requests = guided_trials(
+            inputs.results,
+            inputs.datasets,
+            tuple(grippers),
+            grasps=grasps if options.lenient else None,
+            notes=inputs.notes,
+        )
+    else:
+        requests = borrowed_trials(
+            inputs.results,
+            inputs.datasets,
+            _pairs(wanted, inputs, grasps, tuple(grippers)),
+            count=options.borrow,
+            seed=options.seed,
+        )
     for text in inputs.notes:
         note(text)
     pairs = load_pairs(

@@ -24,6 +24,7 @@ from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
 from graspcast.grasping.store import COLUMNS, Store
 from graspcast.grasping.trial import Outcome
 from graspcast.grasping.work import Chunk, Pair
+from graspcast.outcomes import ERROR_COLUMNS, error_numbers
 
 __all__ = ["Progress", "run_campaign"]
 
@@ -170,7 +171,9 @@ def _table(
 ) -> pl.DataFrame:
     fields = ("success", "reason", "offset_m", "simulated_s", "computed_s", "steps")
     columns = {name: [getattr(outcome, name) for outcome in outcomes] for name in fields}
+    error = error_numbers(requests.obj_T_est[chunk.rows])
     return requests.keys[chunk.rows].with_columns(
+        **dict(zip(ERROR_COLUMNS, error.T, strict=True)),
         **{name: pl.Series(values, dtype=COLUMNS[name]) for name, values in columns.items()},
         settings=pl.lit(pair.digest[:16]),
         mujoco=pl.lit(mujoco.__version__),

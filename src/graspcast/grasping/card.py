@@ -10,6 +10,7 @@ from typing import Any
 import polars as pl
 
 from graspcast.files import write_text
+from graspcast.outcomes import ERROR_COLUMNS
 
 __all__ = ["card_text", "write_card"]
 
@@ -21,6 +22,12 @@ _MEANING = {
     "obj_id": "BOP's number of the object",
     "inst_id": "which instance of the object in the image, from 0",
     "gripper": "who grasped",
+    **dict.fromkeys(
+        ERROR_COLUMNS[:3], "metres: the estimate's origin in the true object's frame"
+    ),
+    **dict.fromkeys(
+        ERROR_COLUMNS[3:], "radians: rotation vector from the true object to the estimate"
+    ),
     "success": "whether the object stayed where it was in the hand, within the tolerance",
     "reason": "`held` is the one success; `dropped`, `slipped`, `missed`, `blocked` (the open hand "
     "started in the object or the table), `unstable` (the simulation blew up)",

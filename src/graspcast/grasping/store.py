@@ -29,11 +29,13 @@ import polars as pl
 from graspcast.errors import FormatError, InputError, MismatchError
 from graspcast.files import atomic_write, write_text
 from graspcast.grasping.requests import KEY_COLUMNS
+from graspcast.outcomes import ERROR_COLUMNS
 
 __all__ = ["COLUMNS", "Store", "read_outcomes"]
 
 COLUMNS = {
     **KEY_COLUMNS,
+    **dict.fromkeys(ERROR_COLUMNS, pl.Float64),
     "success": pl.Boolean,
     "reason": pl.String,
     "offset_m": pl.Float64,

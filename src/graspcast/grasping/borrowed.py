@@ -1,0 +1,108 @@
+"""Trials guided by errors that estimators made on other objects.
+
+What a grasp of an object forgives can be learned without a single image of it: errors from the
+images of other objects are put on it, each seen from a random side at the distance at which it was
+made. The more of them, the finer the answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import polars as pl
+from numpy import ndarray
+
+from graspcast.bop.dataset import BopDataset
+from graspcast.bop.results import Results
+from graspcast.errors import InputError, MismatchError
+from graspcast.geometry import compose, invert, rotation_from_quaternion
+from graspcast.grasping.requests import TrialRequests
+from graspcast.pose_error import nearest_symmetric
+from graspcast.rays import error_along, relative
+from graspcast.truth import match
+
+__all__ = ["BORROWED", "borrowed_trials"]
+
+BORROWED = "borrowed"
+"""What stands in the column ``estimator`` of such a trial."""
+
+
+def borrowed_trials(
+    results: Mapping[str, Mapping[str, Results]],
+    datasets: Mapping[str, BopDataset],
+    pairs: Sequence[tuple[str, str]],
+    *,
+    count: int,
+    seed: int = 0,
+) -> TrialRequests:
+    """``count`` trials of each object with each gripper, by errors made on other objects.
+
+    Args:
+        results: Dataset's name to estimator's name to results, to borrow errors from.
+        datasets: Dataset's name to its BOP directory, with ground truth.
+        pairs: Objects (``dataset-number``) and grippers.
+        count: Trials of each pair.
+        seed: Of which errors, and from which side.
+
+    Raises:
+        InputError: for a count below 1.
+        MismatchError: if there is no error of another object, or no estimate of a file has a
+            ground truth.
+    """
+    if count < 1:
+        raise InputError(f"at least one error is to be borrowed for each object, not {count}")
+    names, distances, truths = _errors(results, datasets)
+    keys, poses = [], []
+    for name, gripper in pairs:
+        others = np.flatnonzero(names != name)
+        if not len(others):
+            raise MismatchError(f"there are no errors to borrow for {name}: no estimates of others")
+        dataset, _, number = name.rpartition("-")
+        # The pair's own numbers, whatever else is asked for.
+        random = np.random.default_rng([seed, *f"{name} {gripper}".encode()])
+        rows = random.choice(others, count)
+        # Normalised normal variates: rotations without a preferred direction.
+        turns = random.standard_normal((count, 4))
+        axes = rotation_from_quaternion(turns / np.linalg.norm(turns, axis=1, keepdims=True))
+        poses.append(error_along(axes, distances[rows], truths[rows]))
+        keys.append(
+            pl.DataFrame({"im_id": np.arange(count)}).with_columns(
+                estimator=pl.lit(BORROWED),
+                dataset=pl.lit(dataset),
+                scene_id=pl.lit(0),
+                obj_id=pl.lit(int(number)),
+                inst_id=pl.lit(0),
+                gripper=pl.lit(gripper),
+            )
+        )
+    return TrialRequests(pl.concat(keys), np.concatenate(poses))
+
+
+def _errors(
+    results: Mapping[str, Mapping[str, Results]], datasets: Mapping[str, BopDataset]
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Of every estimate with a ground truth: object, distance, where the truth lies."""
+    names, distances, truths = [], [], []
+    for dataset, tables in results.items():
+        truth = datasets[dataset].ground_truth
+        for table in tables.values():
+            matched = match(table, truth)
+            rows = np.flatnonzero(matched >= 0)
+            poses = table.cam_T_obj[rows]
+            distance = np.linalg.norm(poses[:, :3, 3], axis=1)
+            # At the camera's centre there is no ray: a placeholder for 'nothing found'.
+            rows, poses, distance = (part[distance > 0] for part in (rows, poses, distance))
+            names.append([f"{dataset}-{number}" for number in table.obj_id[rows].tolist()])
+            distances.append(distance)
+            true = truth.cam_T_obj[matched[rows]]
+            for number in np.unique(table.obj_id[rows]).tolist():
+                # A whole turn of a symmetric object is no error, but would be one of another.
+                mine = table.obj_id[rows] == number
+                near = nearest_symmetric(
+                    compose(invert(poses[mine]), true[mine]),
+                    datasets[dataset].models[number].symmetries,
+                )
+                true[mine] = compose(poses[mine], near)
+            truths.append(relative(poses, true))
+    return np.concatenate(names), np.concatenate(distances), np.concatenate(truths)

@@ -1,0 +1,91 @@
+"""Poses seen along the viewing ray, where the errors of RGB estimators have their shape.
+
+An estimator that looks at one image knows the direction to an object better than its distance, and
+errs in proportion to the distance. The **ray frame** of a pose has its z axis along the ray from
+the camera to the object's origin, and its x axis in the plane of that ray and the camera's x axis.
+Another pose of the same object is written in it as six numbers: the difference of the origins over
+the distance, and the rotation vector of the difference of the rotations. These numbers do not
+depend on the object's frame, nor (but for the turn about the ray) on where in the image it is, so
+an error made on one object can be put on another, at another distance, seen from another side.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from graspcast.geometry import rotation_from_vector, rotation_vector, transform
+
+__all__ = ["displaced", "error_along", "obj_R_ray", "ray_frame", "relative"]
+
+
+def ray_frame(cam_T_obj: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 3 3"]:
+    """``cam_R_ray`` of each pose; that of the camera for an object at the camera's centre."""
+    position = cam_T_obj[..., :3, 3]
+    distance = np.linalg.norm(position, axis=-1, keepdims=True)
+    z = np.where(distance > 0, position / np.where(distance > 0, distance, 1.0), [0.0, 0.0, 1.0])
+    # The camera's x axis made perpendicular to the ray; its y axis where the two coincide.
+    along_x = np.abs(z[..., :1]) > 1 - 1e-9
+    side = np.where(along_x, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
+    x = side - z * np.sum(side * z, axis=-1, keepdims=True)
+    x /= np.linalg.norm(x, axis=-1, keepdims=True)
+    return np.stack([x, np.cross(z, x), z], axis=-1)
+
+
+def obj_R_ray(cam_T_obj: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 3 3"]:
+    """The ray frame's axes seen from the object."""
+    return np.swapaxes(cam_T_obj[..., :3, :3], -1, -2) @ ray_frame(cam_T_obj)
+
+
+def relative(
+    cam_T_obj: Float[ndarray, "*batch 4 4"], other: Float[ndarray, "*batch 4 4"]
+) -> Float[ndarray, "*batch 6"]:
+    """Another pose of the same object in this one's ray frame.
+
+    Returns:
+        The origins' difference over the distance (3, no unit; the third is along the ray), and the
+        rotation vector that turns this pose into the other (3, radians).
+    """
+    frame = ray_frame(cam_T_obj)
+    position = cam_T_obj[..., :3, 3]
+    distance = np.linalg.norm(position, axis=-1, keepdims=True)
+    shift = np.einsum("...ji,...j->...i", frame, other[..., :3, 3] - position)
+    turn = other[..., :3, :3] @ np.swapaxes(cam_T_obj[..., :3, :3], -1, -2)
+    turn = np.swapaxes(frame, -1, -2) @ turn @ frame
+    return np.concatenate(
+        [shift / np.where(distance > 0, distance, 1.0), rotation_vector(turn)], axis=-1
+    )
+
+
+def displaced(
+    cam_T_obj: Float[ndarray, "*#batch 4 4"], by: Float[ndarray, "*#batch 6"]
+) -> Float[ndarray, "*batch 4 4"]:
+    """The other pose, from what :func:`relative` says of it: its inverse."""
+    frame = ray_frame(cam_T_obj)
+    distance = np.linalg.norm(cam_T_obj[..., :3, 3], axis=-1, keepdims=True)
+    turn = frame @ rotation_from_vector(by[..., 3:]) @ np.swapaxes(frame, -1, -2)
+    shift = np.einsum("...ij,...j->...i", frame, by[..., :3]) * distance
+    return transform(turn @ cam_T_obj[..., :3, :3], cam_T_obj[..., :3, 3] + shift)
+
+
+def error_along(
+    axes: Float[ndarray, "*#batch 3 3"],
+    distance: Float[ndarray, "*#batch"],
+    truth: Float[ndarray, "*#batch 6"],
+) -> Float[ndarray, "*batch 4 4"]:
+    """``obj_T_est``, the error of an estimate, from where the truth lies in its ray frame.
+
+    Args:
+        axes: :func:`obj_R_ray` of the estimate.
+        distance: From the camera to the estimate's origin, metres.
+        truth: :func:`relative` of the estimate and the true pose.
+
+    Returns:
+        ``inv(cam_T_true) @ cam_T_est``; the camera has dropped out.
+    """
+    # A = obj_R_ray, D = exp(turn), shift s: R = A Dᵀ Aᵀ, and the origin is at -distance A Dᵀ s.
+    back = axes @ np.swapaxes(rotation_from_vector(truth[..., 3:]), -1, -2)
+    rotation = back @ np.swapaxes(axes, -1, -2)
+    position = -np.einsum("...ij,...j->...i", back, truth[..., :3]) * distance[..., None]
+    return transform(rotation, position)
