@@ -4,20 +4,22 @@ Every column has a name, a unit and a meaning (:func:`describe`). None uses grou
 of one supporter is called ``name.supporter``, one of two supporters ``name.first.second``, and one
 of the principal alone just ``name``.
 
-Two sets:
+Three sets:
 
 - ``paper``: the six signed differences of Section III-C, principal minus supporter: translation,
   and ZYX Euler angles subtracted without wrapping (about one sample in ten is off by a whole turn).
 - ``rich``: differences seen from the principal's object frame, with the supporter's pose turned by
   the object's symmetry that brings it nearest; along the viewing ray and across it, relative to the
   depth; ADD; differences among supporters; the viewing direction and the depth.
+- ``full``: those, and the differences in the principal's ray frame (:mod:`graspcast.rays`), which
+  know nothing of the object, so that what is learned on one holds for another.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import chain, combinations, pairwise
 from typing import Literal
 
 import numpy as np
@@ -29,11 +31,12 @@ from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates import Estimates
 from graspcast.geometry import compose, euler_zyx, invert, rotation_vector
 from graspcast.pose_error import add, nearest_symmetric
+from graspcast.rays import obj_R_ray, relative
 
 __all__ = ["FEATURE_SETS", "FeatureSet", "Features", "consensus_features", "describe", "mean_add"]
 
-FeatureSet = Literal["paper", "rich"]
-FEATURE_SETS: tuple[FeatureSet, ...] = ("paper", "rich")
+FeatureSet = Literal["paper", "rich", "full"]
+FEATURE_SETS: tuple[FeatureSet, ...] = ("paper", "rich", "full")
 
 _MEANING = {
     # paper
@@ -72,6 +75,26 @@ _MEANING = {
     "distance": ("m", "distance from the camera to the principal's origin"),
     "add_mean_rel": ("1", "ADD to the supporters, averaged, over the object's diameter"),
     "add_max_rel": ("1", "the largest ADD to a supporter, over the object's diameter"),
+    # full, a supporter in the principal's ray frame
+    "shift_x": ("1", "supporter's origin from the principal's, over its distance, ray frame x"),
+    "shift_y": ("1", "the same, y"),
+    "shift_z": ("1", "the same, along the ray"),
+    "turn_x": ("rad", "rotation vector from the principal to the nearest symmetric supporter, x"),
+    "turn_y": ("rad", "the same, y"),
+    "turn_z": ("rad", "the same, about the ray"),
+    # full, all estimators
+    "mid_shift_x": ("1", "median over the principal (0) and the supporters of shift_x"),
+    "mid_shift_y": ("1", "the same of shift_y"),
+    "mid_shift_z": ("1", "the same of shift_z"),
+    "mid_turn_x": ("rad", "the same of turn_x"),
+    "mid_turn_y": ("rad", "the same of turn_y"),
+    "mid_turn_z": ("rad", "the same of turn_z"),
+    # full, the principal alone: the ray frame seen from its object
+    **{
+        f"axis_{ray}{axis}": ("1", f"the ray frame's {ray} axis, principal's object {axis}")
+        for ray in "xyz"
+        for axis in "xyz"
+    },
 }
 
 
@@ -161,6 +184,25 @@ def _rich(
     yield "add_max_rel", adds.max(axis=1)
 
 
+def _rays(principal: ndarray, supporters: Mapping[str, ndarray], symmetries: ndarray) -> Columns:
+    """The further columns of ``full``, of instances of one object."""
+    seen = []
+    for name, supporter in supporters.items():
+        near = nearest_symmetric(compose(invert(principal), supporter), symmetries)
+        seen.append(relative(principal, compose(principal, near)))
+        for kind, part in (("shift", seen[-1][:, :3]), ("turn", seen[-1][:, 3:])):
+            for axis, column in zip("xyz", part.T, strict=True):
+                yield f"{kind}_{axis}.{name}", column
+    middle = np.median(np.stack([np.zeros_like(seen[0]), *seen]), axis=0)
+    for kind, part in (("shift", middle[:, :3]), ("turn", middle[:, 3:])):
+        for axis, column in zip("xyz", part.T, strict=True):
+            yield f"mid_{kind}_{axis}", column
+    axes = obj_R_ray(principal)
+    for i, ray in enumerate("xyz"):
+        for axis, column in zip("xyz", axes[:, :, i].T, strict=True):
+            yield f"axis_{ray}{axis}", column
+
+
 def _runs(*columns: ndarray) -> Iterator[slice | ndarray]:
     """The rows of each distinct combination of values."""
     if len(columns[0]) == 1:
@@ -221,8 +263,8 @@ def consensus_features(
     Args:
         estimates: K estimators' poses.
         principal: The estimator that would guide the grasp.
-        which: ``paper`` or ``rich``.
-        models: Dataset's name to its object models; ``rich`` needs them.
+        which: ``paper``, ``rich`` or ``full``.
+        models: Dataset's name to its object models; the latter two need them.
 
     Raises:
         UnknownNameError: for a principal, an object or a feature set that is not known.
@@ -232,14 +274,17 @@ def consensus_features(
     supporters = {name: estimates.of(name) for name in estimates.supporters(principal)}
     if which == "paper":
         return _stack(_paper(pose, supporters))
-    if which != "rich":
+    if which not in FEATURE_SETS:
         raise UnknownNameError("feature set", which, FEATURE_SETS)
     models = models or {}
     out: Features | None = None
     for rows, dataset, obj_id, adds in _adds(estimates, principal, models):
         info = _models_of(models, dataset)[obj_id]
         seen = {name: poses[rows] for name, poses in supporters.items()}
-        part = _stack(_rich(pose[rows], seen, info.symmetries, adds / info.diameter_m))
+        columns = _rich(pose[rows], seen, info.symmetries, adds / info.diameter_m)
+        if which == "full":
+            columns = chain(columns, _rays(pose[rows], seen, info.symmetries))
+        part = _stack(columns)
         if out is None:
             out = Features(part.names, np.empty((len(estimates), len(part.names))))
         out.values[rows] = part.values

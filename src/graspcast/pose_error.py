@@ -17,11 +17,11 @@ from numpy import ndarray
 from graspcast.geometry import compose, invert, rotation_angle, transform_points
 
 __all__ = [
-    "nearest_symmetric",
     "add",
     "add_s",
     "mspd",
     "mssd",
+    "nearest_symmetric",
     "ray_share",
     "rotation_error",
     "translation_error",

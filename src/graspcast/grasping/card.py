@@ -22,9 +22,7 @@ _MEANING = {
     "obj_id": "BOP's number of the object",
     "inst_id": "which instance of the object in the image, from 0",
     "gripper": "who grasped",
-    **dict.fromkeys(
-        ERROR_COLUMNS[:3], "metres: the estimate's origin in the true object's frame"
-    ),
+    **dict.fromkeys(ERROR_COLUMNS[:3], "metres: the estimate's origin in the true object's frame"),
     **dict.fromkeys(
         ERROR_COLUMNS[3:], "radians: rotation vector from the true object to the estimate"
     ),

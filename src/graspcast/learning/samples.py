@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
@@ -24,6 +24,7 @@ __all__ = [
     "by_object",
     "by_scene",
     "join",
+    "outcomes_of",
     "published_part",
     "read_split",
     "scene_groups",
@@ -76,6 +77,22 @@ def _keys(estimates: Estimates) -> pl.DataFrame:
     )
 
 
+def outcomes_of(
+    estimates: Estimates, outcomes: pl.DataFrame, guide: str, gripper: str
+) -> Float[ndarray, "n"]:
+    """What came of the grasp of each instance that an estimator guided: 1, 0, or NaN if untried."""
+    keys = _keys(estimates)
+    tried = outcomes.filter(pl.col("estimator") == guide, pl.col("gripper") == gripper)
+    found = keys.join(
+        tried.select(*keys.columns, "success"),
+        on=keys.columns,
+        how="left",
+        validate="m:1",
+        maintain_order="left",
+    )
+    return found["success"].cast(pl.Float64).fill_null(float("nan")).to_numpy()
+
+
 def join(estimates: Estimates, outcomes: pl.DataFrame, principal: str, gripper: str) -> Samples:
     """Give each instance the outcome of the trial that its principal guided.
 
@@ -87,16 +104,8 @@ def join(estimates: Estimates, outcomes: pl.DataFrame, principal: str, gripper: 
     grippers = outcomes["gripper"].unique().sort().to_list()
     if gripper not in grippers:
         raise UnknownNameError("gripper", gripper, grippers, hint="These have outcomes")
-    tried = outcomes.filter(pl.col("estimator") == principal, pl.col("gripper") == gripper)
-    keys = _keys(estimates)
-    success = keys.join(
-        tried.select(*keys.columns, "success"),
-        on=keys.columns,
-        how="left",
-        validate="m:1",
-        maintain_order="left",
-    )["success"]
-    has = success.is_not_null().to_numpy()
+    success = outcomes_of(estimates, outcomes, principal, gripper)
+    has = ~np.isnan(success)
     if not has.any():
         known = outcomes.select("estimator", "dataset").unique().sort("estimator", "dataset")
         pairs = ", ".join(f"{e} on {d}" for e, d in known.rows())
@@ -108,7 +117,7 @@ def join(estimates: Estimates, outcomes: pl.DataFrame, principal: str, gripper: 
         estimates=estimates.select(has),
         principal=principal,
         gripper=gripper,
-        success=success.drop_nulls().to_numpy() == 1,
+        success=success[has] == 1,
         untried=int((~has).sum()),
     )
 

@@ -1,0 +1,247 @@
+"""Where the principal's error may lie, and whether the grasp forgives it.
+
+Two stages instead of one. **Errors**: a forest learns, from poses and ground truth alone and from
+all objects together, where the true pose lies in the principal's ray frame, given how the
+supporters disagree. Its leaves hold training instances; those that a new instance meets there are
+draws from a distribution that has no shape imposed on it (quantile regression forests, Meinshausen
+2006, for a 6-D answer). **Survival**: a forest learns, from outcomes or from simulated trials,
+which errors in the object's frame a grasp of that object forgives, whoever made them. The forecast
+is the second, averaged over draws from the first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import no_type_check
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numba import njit, prange
+from numpy import ndarray
+
+from graspcast.geometry import rotation_vector
+from graspcast.learning.forests import Forest, flatten, walk
+
+__all__ = ["ErrorModel", "Survival", "expected_survival"]
+
+_SPREAD = np.array([0.003, 0.003, 0.008, 0.07, 0.07, 0.07])
+"""Typical sizes of where the truth lies (over the distance; radians): they weigh the forest's
+outputs against one another, and large ones count by their logarithm."""
+_SURVIVAL_INPUTS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorModel:
+    """A distribution of where the truth lies, given features.
+
+    Attributes:
+        forest: Its leaves are all that is used of it.
+        first: Where each leaf's members begin in ``members``, leaf by leaf, tree by tree.
+        offset: The number of the first leaf of each tree, (trees,).
+        members: Training instances, by number.
+        truth: Where the truth lay of each, in its estimate's ray frame (see
+            :func:`graspcast.rays.relative`), (m, 6).
+    """
+
+    forest: Forest
+    first: Int[ndarray, "leaves_and_1"]
+    offset: Int[ndarray, "trees"]
+    members: Int[ndarray, "entries"]
+    truth: Float[ndarray, "m 6"]
+
+    @classmethod
+    def fit(
+        cls, features: Float[ndarray, "m d"], truth: Float[ndarray, "m 6"], *, trees: int, seed: int
+    ) -> ErrorModel:
+        """Learn from instances whose truth is known."""
+        from sklearn.ensemble import ExtraTreesRegressor
+
+        scaled = truth / _SPREAD
+        target = np.sign(scaled) * np.log1p(np.abs(scaled))
+        model = ExtraTreesRegressor(
+            trees, min_samples_leaf=2, max_features=0.5, random_state=seed, n_jobs=-1
+        ).fit(features.astype(np.float32), target)
+        forest = flatten(model)
+        leaves = forest.leaves(features)
+        counts = leaves.max(axis=0) + 1
+        offset = np.cumsum(counts) - counts
+        numbered = (leaves + offset).T.ravel()
+        order = np.argsort(numbered, kind="stable")
+        first = np.searchsorted(numbered[order], np.arange(counts.sum() + 1))
+        return cls(
+            forest,
+            first.astype(np.int32),
+            offset.astype(np.int32),
+            (order % len(truth)).astype(np.int32),
+            truth,
+        )
+
+    def draws(self, features: Float[ndarray, "n d"], count: int) -> Float[ndarray, "n count 6"]:
+        """Where the truth may lie: equally likely draws, always the same for the same row."""
+        leaves = self.forest.leaves(features) + self.offset
+        trees = np.arange(count) % self.forest.trees
+        start, stop = self.first[leaves[:, trees]], self.first[leaves[:, trees] + 1]
+        place = start + (_places(count) * (stop - start)).astype(np.int64)
+        return self.truth[self.members[place]]
+
+    def to_arrays(self, prefix: str) -> dict[str, ndarray]:
+        """Named arrays."""
+        own = {name: getattr(self, name) for name in ("first", "offset", "members", "truth")}
+        return {f"{prefix}/{k}": v for k, v in own.items()} | self.forest.to_arrays(f"{prefix}/f")
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, ndarray], prefix: str) -> ErrorModel:
+        """The inverse of :meth:`to_arrays`."""
+        names = ("first", "offset", "members", "truth")
+        return cls(
+            Forest.from_arrays(arrays, f"{prefix}/f"), *(arrays[f"{prefix}/{k}"] for k in names)
+        )
+
+
+def _places(count: int) -> Float[ndarray, "count"]:
+    """Numbers in [0, 1) that fill it evenly: multiples of the golden ratio."""
+    return np.asarray((np.arange(1, count + 1) * 0.6180339887498949) % 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Survival:
+    """Which errors a grasp forgives: a forest on the error and the object.
+
+    Attributes:
+        forest: Its inputs: the error's origin (m), rotation vector (rad), their lengths, and one
+            column for each object.
+        objects: How many there are.
+    """
+
+    forest: Forest
+    objects: int
+
+    @classmethod
+    def fit(
+        cls,
+        obj_T_est: Float[ndarray, "m 4 4"],
+        numbers: Int[ndarray, "m"],
+        success: Bool[ndarray, "m"],
+        *,
+        objects: int,
+        trees: int,
+        seed: int,
+    ) -> Survival:
+        """Learn from trials whose error and outcome are known."""
+        from sklearn.ensemble import ExtraTreesClassifier
+
+        rows = np.concatenate([_error_inputs(obj_T_est), np.eye(objects)[numbers]], axis=1)
+        model = ExtraTreesClassifier(
+            trees, min_samples_leaf=1, max_features=0.7, random_state=seed, n_jobs=-1
+        ).fit(rows.astype(np.float32), success)
+        return cls(flatten(model), objects)
+
+    def probability(
+        self, obj_T_est: Float[ndarray, "n 4 4"], numbers: Int[ndarray, "n"]
+    ) -> Float[ndarray, "n"]:
+        """Of success, of grasps guided by estimates with known errors."""
+        return self.forest.mean(
+            np.concatenate([_error_inputs(obj_T_est), np.eye(self.objects)[numbers]], axis=1)
+        )
+
+
+def _error_inputs(obj_T_est: Float[ndarray, "n 4 4"]) -> Float[ndarray, "n 8"]:
+    shift, turn = obj_T_est[:, :3, 3], rotation_vector(obj_T_est[:, :3, :3])
+    lengths = [np.linalg.norm(part, axis=1, keepdims=True) for part in (shift, turn)]
+    return np.concatenate([shift, turn, *lengths], axis=1)
+
+
+def expected_survival(
+    errors: ErrorModel,
+    survival: Survival,
+    features: Float[ndarray, "n d"],
+    axes: Float[ndarray, "n 3 3"],
+    distance: Float[ndarray, "n"],
+    numbers: Int[ndarray, "n"],
+    *,
+    draws: int = 128,
+    trees: int = 24,
+) -> Float[ndarray, "n"]:
+    """The probability of survival, averaged over where the truth may lie.
+
+    Args:
+        errors, survival: The two stages.
+        features: Inputs of the first.
+        axes: :func:`graspcast.rays.obj_R_ray` of each estimate.
+        distance: Of each from the camera, metres.
+        numbers: Each instance's object in the second stage.
+        draws: Of the truth, for each instance.
+        trees: Of the second stage that judge each draw; another few for every draw, so that all
+            have their say.
+    """
+    return _expected(
+        np.ascontiguousarray(features, np.float32),
+        np.ascontiguousarray(axes, np.float64),
+        np.ascontiguousarray(distance, np.float64),
+        numbers.astype(np.int64),
+        *errors.forest.arrays(),
+        errors.first,
+        errors.offset,
+        errors.members,
+        errors.truth,
+        *survival.forest.arrays(),
+        survival.objects,
+        _places(draws),
+        min(trees, survival.forest.trees),
+    )
+
+
+@no_type_check
+@njit(cache=True)
+def _exp(v, out):
+    """Rotation matrix of a rotation vector (Rodrigues)."""
+    angle = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    a = np.sin(angle) / angle if angle > 1e-9 else 1.0
+    b = (1 - np.cos(angle)) / (angle * angle) if angle > 1e-6 else 0.5
+    x, y, z = v[0], v[1], v[2]
+    out[0, 0], out[0, 1], out[0, 2] = 1 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y
+    out[1, 0], out[1, 1], out[1, 2] = b * x * y + a * z, 1 - b * (x * x + z * z), b * y * z - a * x
+    out[2, 0], out[2, 1], out[2, 2] = b * x * z - a * y, b * y * z + a * x, 1 - b * (x * x + y * y)
+
+
+@no_type_check
+@njit(cache=True, parallel=True)
+def _expected(
+    rows, axes, distance, numbers,
+    feature, threshold, right, value, roots, first, offset, members, truth,
+    s_feature, s_threshold, s_right, s_value, s_roots, objects, places, judges,
+):  # fmt: skip
+    trees, s_trees, draws = len(roots) - 1, len(s_roots) - 1, len(places)
+    out = np.empty(len(rows))
+    for i in prange(len(rows)):
+        inputs = np.zeros(8 + objects, dtype=np.float32)
+        inputs[8 + numbers[i]] = 1.0
+        turn = np.empty((3, 3))
+        total = 0.0
+        for draw in range(draws):
+            tree = draw % trees
+            leaf = right[walk(rows[i], roots[tree], feature, threshold, right)] + offset[tree]
+            size = first[leaf + 1] - first[leaf]
+            drawn = truth[members[first[leaf] + int(places[draw] * size)]]
+            # As in graspcast.rays.error_along; a rotation vector in the ray frame, turned about,
+            # is that of the error in the object's.
+            _exp(drawn[3:], turn)
+            A = axes[i]
+            for r in range(3):
+                back = 0.0
+                vector = 0.0
+                for c in range(3):
+                    # (Dᵀ s)_c and (-ω)_c, carried over by A
+                    shifted = turn[0, c] * drawn[0] + turn[1, c] * drawn[1] + turn[2, c] * drawn[2]
+                    back += A[r, c] * shifted
+                    vector -= A[r, c] * drawn[3 + c]
+                inputs[r] = -distance[i] * back
+                inputs[3 + r] = vector
+            inputs[6] = np.sqrt(inputs[0] ** 2 + inputs[1] ** 2 + inputs[2] ** 2)
+            inputs[7] = np.sqrt(inputs[3] ** 2 + inputs[4] ** 2 + inputs[5] ** 2)
+            for j in range(judges):
+                judge = (draw * judges + j) % s_trees
+                total += s_value[walk(inputs, s_roots[judge], s_feature, s_threshold, s_right)]
+        out[i] = total / (draws * judges)
+    return out
