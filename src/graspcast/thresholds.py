@@ -1,0 +1,172 @@
+"""In which order thresholds are tested: the fixed sequence of Learn-then-Test.
+
+A sequence must not depend on the data that it is tested on, nor may the place where testing starts
+be chosen by looking at how many of the calibration data reach it. So there are two sequences: one
+that depends on no data, and one that other data (the training's out-of-fold forecasts) have taught.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from graspcast.binomial import power
+from graspcast.errors import InputError
+
+__all__ = ["Sequence", "UnitShares", "default_sequence", "learn_sequence"]
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """Thresholds from strict to permissive, and where testing starts.
+
+    The error that is allowed in all, 1 - confidence, is dealt out by ``weights``. A threshold is
+    tested with its own part and with all that the one before it was certified with; one that fails
+    passes nothing on. That is Wiens' (2003) fallback procedure: the chance of certifying anything
+    false is at most the sum, however the tests depend on one another. With all weight on one
+    threshold it is the fixed sequence of Angelopoulos et al. (2021) that starts there.
+
+    Attributes:
+        thresholds: Descending probabilities.
+        weights: One for each threshold, not negative, summing to 1.
+        source: What it was fixed on, in words.
+    """
+
+    thresholds: tuple[float, ...]
+    weights: tuple[float, ...]
+    source: str
+
+    def __post_init__(self) -> None:
+        steps = np.diff(self.thresholds)
+        inside = all(0.0 <= t <= 1.0 for t in self.thresholds)
+        if not self.thresholds or not inside or (steps >= 0).any():
+            raise InputError("a sequence needs descending thresholds between 0 and 1")
+        total = abs(sum(self.weights) - 1.0)
+        if len(self.weights) != len(self.thresholds) or min(self.weights) < 0 or total > 1e-9:
+            raise InputError(
+                "a sequence needs one weight for each threshold, none negative, that sum to 1"
+            )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Sequence:
+        """What :meth:`as_dict` gave.
+
+        Raises:
+            KeyError, TypeError, ValueError, InputError: if it is something else.
+        """
+        thresholds = tuple(float(t) for t in content["thresholds"])
+        weights = tuple(float(w) for w in content["weights"])
+        return cls(thresholds, weights, str(content["source"]))
+
+
+def default_sequence(rate: float) -> Sequence:
+    """Steps of a hundredth, downwards; testing starts at the target rate and half-way above it.
+
+    A calibrated forecaster keeps a promise of ``rate`` at the threshold ``rate``, and at no
+    threshold that can be named without data does it attempt more. Half of the allowed error is
+    spent there; the other half at (1 + rate) / 2, for forecasters that promise too much.
+    """
+    above = round((1.0 + rate) / 2.0, 6)
+    grid = {step / 100.0 for step in range(1, 100)} | {rate, above}
+    thresholds = tuple(sorted(grid, reverse=True))
+    weights = tuple(0.5 if t in (rate, above) else 0.0 for t in thresholds)
+    return Sequence(thresholds, weights, "no data")
+
+
+@dataclass(frozen=True, eq=False)
+class UnitShares:
+    """What each unit holds at one threshold.
+
+    Attributes:
+        attempted: Share of the unit's trials that are attempted, (units,).
+        succeeded: Share of these that succeed; NaN where none is attempted, (units,).
+    """
+
+    attempted: Float[ndarray, "units"]
+    succeeded: Float[ndarray, "units"]
+
+    @classmethod
+    def at(
+        cls,
+        threshold: float,
+        probability: Float[ndarray, "n"],
+        success: Bool[ndarray, "n"],
+        units: ndarray,
+    ) -> UnitShares:
+        """Count attempts and successes by unit."""
+        names, number = np.unique(units, return_inverse=True)
+        attempt = probability >= threshold
+        size = np.bincount(number, minlength=len(names))
+        attempts = np.bincount(number, weights=attempt, minlength=len(names))
+        held = np.bincount(number, weights=attempt & success, minlength=len(names))
+        some = attempts > 0
+        succeeded = np.full(len(names), np.nan)
+        succeeded[some] = held[some] / attempts[some]
+        return cls(attempts / size, succeeded)
+
+    def evidence(self, weight: str) -> tuple[float, float]:
+        """How many of one's units bear evidence, and at which success rate.
+
+        Returns:
+            The expected share of units with a drawn attempt, and that attempt's success rate (NaN
+            without attempts); the draw is explained in :mod:`graspcast.promise`.
+        """
+        some = ~np.isnan(self.succeeded)
+        if not some.any():
+            return 0.0, float("nan")
+        if weight == "unit":
+            return float(some.mean()), float(self.succeeded[some].mean())
+        share = self.attempted[some]
+        return float(self.attempted.mean()), float(
+            (share * self.succeeded[some]).sum() / share.sum()
+        )
+
+
+def learn_sequence(
+    probability: Float[ndarray, "n"],
+    success: Bool[ndarray, "n"],
+    units: ndarray,
+    *,
+    rate: float,
+    confidence: float,
+    calibration_units: int,
+    weight: str = "attempt",
+    steps: int = 50,
+) -> Sequence:
+    """A sequence of quantiles that starts where other data say that it will most likely pass.
+
+    Args:
+        probability: Forecasts for data that are *not* the calibration data and that the forecaster
+            was not trained on: out-of-fold forecasts of its training data.
+        success: Their outcomes.
+        units: Their scenes or images.
+        rate: The target.
+        confidence: Of the promise.
+        calibration_units: How many units the calibration data will have.
+        weight: As for :func:`graspcast.promise.certify`.
+        steps: How many quantiles there are.
+
+    A start that few reach fails however good the forecaster is (at 0.9 and 0.9, with fewer than 22
+    attempted units); one that is too permissive fails because the rate is too low. In between the
+    exact chance of passing has a plateau; testing starts at its middle.
+    """
+    shares = (np.arange(steps) + 1) / steps
+    thresholds = np.unique(np.quantile(probability, 1.0 - shares, method="lower"))[::-1]
+    chance = []
+    for threshold in thresholds.tolist():
+        share, held = UnitShares.at(threshold, probability, success, units).evidence(weight)
+        trials = int(calibration_units * share)
+        chance.append(power(trials, held, rate=rate, confidence=confidence) if trials else 0.0)
+    plateau = np.flatnonzero(np.array(chance) >= max(chance) - 0.01)
+    start = int(plateau[len(plateau) // 2])
+    weights = tuple(float(i == start) for i in range(len(thresholds)))
+    return Sequence(tuple(thresholds.tolist()), weights, f"{len(probability)} out-of-fold trials")
