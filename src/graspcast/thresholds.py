@@ -8,7 +8,7 @@ that depends on no data, and one that other data (the training's out-of-fold for
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy import ndarray
 from graspcast.binomial import power
 from graspcast.errors import InputError
 
-__all__ = ["Sequence", "UnitShares", "default_sequence", "learn_sequence"]
+__all__ = ["Sequence", "UnitShares", "default_sequence", "explore", "learn_sequence"]
 
 
 @dataclass(frozen=True)
@@ -69,17 +69,18 @@ class Sequence:
 
 
 def default_sequence(rate: float) -> Sequence:
-    """Steps of a hundredth, downwards; testing starts at the target rate and half-way above it.
+    """Steps of a hundredth, downwards; testing starts at the target rate, and on either side of it.
 
     A calibrated forecaster keeps a promise of ``rate`` at the threshold ``rate``, and at no
     threshold that can be named without data does it attempt more. Half of the allowed error is
-    spent there; the other half at (1 + rate) / 2, for forecasters that promise too much.
+    spent there. A quarter is spent half-way from there to 1, for forecasters that promise too much,
+    and a quarter at 2 rate - 1 (0.8 for 0.9), for those that promise too little.
     """
-    above = round((1.0 + rate) / 2.0, 6)
-    grid = {step / 100.0 for step in range(1, 100)} | {rate, above}
+    above, below = (1.0 + rate) / 2.0, max(2.0 * rate - 1.0, rate / 2.0)
+    starts = {rate: 0.5, round(above, 9): 0.25, round(below, 9): 0.25}
+    grid = {step / 100.0 for step in range(1, 100)}.union(starts)
     thresholds = tuple(sorted(grid, reverse=True))
-    weights = tuple(0.5 if t in (rate, above) else 0.0 for t in thresholds)
-    return Sequence(thresholds, weights, "no data")
+    return Sequence(thresholds, tuple(starts.get(t, 0.0) for t in thresholds), "no data")
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +119,7 @@ class UnitShares:
 
         Returns:
             The expected share of units with a drawn attempt, and that attempt's success rate (NaN
-            without attempts); the draw is explained in :mod:`graspcast.promise`.
+            without attempts); the draw is explained in :mod:`graspcast.certification`.
         """
         some = ~np.isnan(self.succeeded)
         if not some.any():
@@ -152,7 +153,7 @@ def learn_sequence(
         rate: The target.
         confidence: Of the promise.
         calibration_units: How many units the calibration data will have.
-        weight: As for :func:`graspcast.promise.certify`.
+        weight: As for :func:`graspcast.certify`.
         steps: How many quantiles there are.
 
     A start that few reach fails however good the forecaster is (at 0.9 and 0.9, with fewer than 22
@@ -170,3 +171,47 @@ def learn_sequence(
     start = int(plateau[len(plateau) // 2])
     weights = tuple(float(i == start) for i in range(len(thresholds)))
     return Sequence(tuple(thresholds.tolist()), weights, f"{len(probability)} out-of-fold trials")
+
+
+def explore(
+    probability: Float[ndarray, "n"],
+    success: Bool[ndarray, "n"],
+    units: ndarray,
+    *,
+    spend: float,
+    seed: int,
+    rate: float,
+    confidence: float,
+    weight: str,
+) -> tuple[Sequence, Bool[ndarray, "n"]]:
+    """Spend some units on a sequence; the others remain for certifying.
+
+    Args:
+        probability, success, units, rate, confidence, weight: As for :func:`learn_sequence`.
+        spend: The share of units to spend; 0 gives :func:`default_sequence`, and keeps all.
+        seed: Of which units.
+
+    Returns:
+        The sequence, and which trials remain.
+
+    Raises:
+        InputError: if no unit is left on one of the sides.
+    """
+    names = np.unique(units)
+    count = round(spend * len(names))
+    if spend == 0.0:
+        return default_sequence(rate), np.ones(len(units), bool)
+    if not 0 < count < len(names):
+        raise InputError(f"a share of {spend:g} of {len(names)} units leaves a side without any")
+    spent = np.isin(units, np.random.default_rng([seed, 1]).permutation(names)[:count])
+    sequence = learn_sequence(
+        probability[spent],
+        success[spent],
+        units[spent],
+        rate=rate,
+        confidence=confidence,
+        calibration_units=len(names) - count,
+        weight=weight,
+    )
+    source = f"{count} of {len(names)} units, spent on it"
+    return replace(sequence, source=source), ~spent
