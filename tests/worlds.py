@@ -18,6 +18,8 @@ class World:
         scene: Deviation of the scene's effect on the logit of success, unknown to the forecaster.
         mislead: Deviation of the scene's effect on the forecast alone.
         over: Factor on the logit of the forecast: above 1 it promises too much.
+        alike: Correlation among a scene's trials, of what is to be seen and of how it is misseen:
+            1 for bare repeats.
     """
 
     scenes: int
@@ -25,21 +27,27 @@ class World:
     scene: float = 1.0
     mislead: float = 0.0
     over: float = 1.0
+    alike: float = 0.0
 
     def draw(self, rng: np.random.Generator, scenes: int) -> tuple[ndarray, ndarray, ndarray]:
         """Probabilities, outcomes and scenes, each (scenes * repeats,)."""
         shape = (scenes, self.repeats)
-        x = rng.normal(size=shape)
+        x, misseen = (self._normal(rng, scenes) for _ in range(2))
         success = rng.random(shape) < expit(1.5 + 4 * x + rng.normal(0, self.scene, (scenes, 1)))
-        seen = (x + 0.5 * rng.normal(size=shape)) / 1.25
+        seen = (x + 0.5 * misseen) / 1.25
         # The factor that makes the forecast calibrated but for the scene's misleading effect.
         spread = np.sqrt(1 + np.pi / 8 * (16 * 0.2 + self.scene**2))
         logit = self.over * (1.5 + 4 * seen) / spread + self.mislead * rng.normal(size=(scenes, 1))
         return expit(logit).ravel(), success.ravel(), np.repeat(np.arange(scenes), self.repeats)
 
-    def truth(self, *, scenes: int = 20_000) -> Truth:
+    def _normal(self, rng: np.random.Generator, scenes: int) -> ndarray:
+        common, own = rng.normal(size=(scenes, 1)), rng.normal(size=(scenes, self.repeats))
+        return np.sqrt(self.alike) * common + np.sqrt(1 - self.alike) * own
+
+    def truth(self, *, trials: int = 1_000_000) -> Truth:
         """What perfect knowledge would say, from many scenes."""
-        probability, success, _ = self.draw(np.random.default_rng(987_654), scenes)
+        rng = np.random.default_rng(987_654)
+        probability, success, _ = self.draw(rng, trials // self.repeats)
         order = np.argsort(-probability)
         return Truth(probability[order], np.cumsum(success[order]) / (np.arange(len(order)) + 1))
 

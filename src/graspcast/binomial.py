@@ -56,7 +56,7 @@ def power(trials: int, true_rate: float, *, rate: float, confidence: float) -> f
 
 
 def needed_trials(
-    observed: float, *, rate: float, confidence: float, most: int = 100_000
+    observed: float, *, rate: float, confidence: float, most: int = 10_000
 ) -> int | None:
     """The fewest trials that show a rate of at least ``rate`` if ``observed`` is what they give.
 

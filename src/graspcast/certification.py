@@ -34,7 +34,7 @@ from numpy import ndarray
 from graspcast.binomial import lower_bound, mean_interval, needed_trials, p_value
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.estimates import Estimates
-from graspcast.promise import OVERALL, Promise, Promises, UnitKind, Weight
+from graspcast.promise import MOST_UNITS, OVERALL, Promise, Promises, UnitKind, Weight
 from graspcast.thresholds import Sequence, UnitShares, default_sequence
 
 __all__ = ["certify", "unit_names"]
@@ -225,7 +225,7 @@ def _fewest(
     weight: Weight,
 ) -> tuple[float, int | None]:
     """The threshold that fewest fresh units would certify, and how many; else the first start."""
-    fewest, at = 100_000, None
+    fewest, at = MOST_UNITS + 1, None
     for threshold in sequence.thresholds:
         share, held = UnitShares.at(threshold, probability, success, units).evidence(weight)
         most = int((fewest - 1) * share)

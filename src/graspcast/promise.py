@@ -16,9 +16,10 @@ from graspcast.errors import FormatError, GraspcastError, UnknownNameError
 from graspcast.files import write_text
 from graspcast.thresholds import Sequence
 
-__all__ = ["OVERALL", "Promise", "Promises", "UnitKind", "Weight"]
+__all__ = ["MOST_UNITS", "OVERALL", "Promise", "Promises", "UnitKind", "Weight"]
 
 OVERALL = "all objects"
+MOST_UNITS = 10_000
 Weight = Literal["attempt", "unit"]
 UnitKind = Literal["scene", "image"]
 _FORMAT = 1
@@ -42,7 +43,8 @@ class Promise:
         attempt_rate: Expected share of a new unit's instances that are attempted.
         attempt_interval: Its two-sided interval, at ``confidence``.
         needed_units: Where nothing is certified: how many *fresh* units would certify
-            ``shown_at``, if the success rate seen there went on; None if not even 100,000 would.
+            ``shown_at``, if the success rate seen there went on; None if not even 10,000
+            would.
     """
 
     scope: str
@@ -80,7 +82,9 @@ class Promise:
             f"confidence {self.confidence:g} from {self.units} units"
         )
         if self.needed_units is None:
-            return f"{text}, nor from any number of them: the ranking nowhere shows such a rate"
+            return (
+                f"{text}, nor from {MOST_UNITS:,} of these: nowhere does it clearly reach that rate"
+            )
         return (
             f"{text}; about {self.needed_units} fresh units ({self.needed_trials} trials) would do "
             f"at probability >= {self.shown_at:.3g}, if the rate seen there goes on"
@@ -150,12 +154,10 @@ class Promises:
         given = {name: require(content, name, path, "top level") for name in names}
         try:
             entries = tuple(_promise(entry) for entry in given["promises"])
-            if (
-                not entries
-                or entries[0].scope != OVERALL
-                or given["weight"] not in get_args(Weight)
-            ):
-                raise ValueError("no overall promise first, or an unknown weight")
+            if not entries or entries[0].scope != OVERALL:
+                raise ValueError("the overall promise is not the first")
+            if given["weight"] not in get_args(Weight):
+                raise ValueError(f"unknown weight {given['weight']!r}")
             return cls(
                 promises=entries,
                 rate=_within(given["rate"]),
