@@ -178,7 +178,8 @@ def _certify_one(
     weight: Weight,
     seed: int,
 ) -> Promise:
-    draws = _Draws(probability, success, units, weight, seed)
+    number = np.unique(units, return_inverse=True)[1]
+    draws = _Draws(probability, success, number, weight, seed)
     allowed = 1.0 - confidence
     certified, spent, carried = None, allowed, 0.0
     for threshold, part in zip(sequence.thresholds, sequence.weights, strict=True):
@@ -192,8 +193,8 @@ def _certify_one(
     needed = None
     shown = certified
     if shown is None:
-        shown, needed = _fewest(probability, success, units, rate, confidence, sequence, weight)
-    shares = UnitShares.at(shown, probability, success, units)
+        shown, needed = _fewest(probability, success, number, rate, confidence, sequence, weight)
+    shares = UnitShares.at(shown, probability, success, number)
     attempt = probability >= shown
     count, held = draws.at(shown)
     return Promise(
@@ -218,7 +219,7 @@ def _certify_one(
 def _fewest(
     probability: ndarray,
     success: ndarray,
-    units: ndarray,
+    number: ndarray,
     rate: float,
     confidence: float,
     sequence: Sequence,
@@ -226,8 +227,12 @@ def _fewest(
 ) -> tuple[float, int | None]:
     """The threshold that fewest fresh units would certify, and how many; else the first start."""
     fewest, at = MOST_UNITS + 1, None
+    attempts = -1
     for threshold in sequence.thresholds:
-        share, held = UnitShares.at(threshold, probability, success, units).evidence(weight)
+        before, attempts = attempts, int((probability >= threshold).sum())
+        if attempts == before:
+            continue
+        share, held = UnitShares.at(threshold, probability, success, number).evidence(weight)
         most = int((fewest - 1) * share)
         needed = needed_trials(held, rate=rate, confidence=confidence, most=most) if share else None
         if needed is not None:

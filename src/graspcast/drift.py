@@ -128,13 +128,13 @@ class DriftMonitor:
         """
         if self.unit is not None and unit != self.unit:
             self.close()
+        if unit is not None and self.unit_trials == self.most_attempts:
+            raise InputError(f"unit {unit} has more than {self.most_attempts} attempts")
         self.trials += 1
         self.successes += bool(success)
         if unit is None:
             self._weigh(float(bool(success)), 1)
             return self.alarm
-        if self.most_attempts is not None and self.unit_trials == self.most_attempts:
-            raise InputError(f"unit {unit} has more than {self.most_attempts} attempts")
         self.unit = unit
         self.unit_trials += 1
         self.unit_successes += bool(success)
@@ -165,8 +165,9 @@ class DriftMonitor:
             ratio = share * other / self.rate + (1.0 - share) * (1.0 - other) / (1.0 - self.rate)
             stakes.append(_log_sum((stake, begins)) + math.log1p(counted * (ratio - 1.0)))
         self.log_stakes = tuple(stakes)
-        self.log_peak = max(self.log_peak, self.log_evidence)
-        if self.alarm_at is None and self.log_evidence >= -math.log(self.alpha):
+        evidence = self.log_evidence
+        self.log_peak = max(self.log_peak, evidence)
+        if self.alarm_at is None and evidence >= -math.log(self.alpha):
             self.alarm_at = self.trials
 
     def as_dict(self) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.binomial import power
@@ -101,17 +101,15 @@ class UnitShares:
         threshold: float,
         probability: Float[ndarray, "n"],
         success: Bool[ndarray, "n"],
-        units: ndarray,
+        number: Int[ndarray, "n"],
     ) -> UnitShares:
-        """Count attempts and successes by unit."""
-        names, number = np.unique(units, return_inverse=True)
+        """Count attempts and successes by unit; units are numbered from 0, none left out."""
         attempt = probability >= threshold
-        size = np.bincount(number, minlength=len(names))
-        attempts = np.bincount(number, weights=attempt, minlength=len(names))
-        held = np.bincount(number, weights=attempt & success, minlength=len(names))
-        some = attempts > 0
-        succeeded = np.full(len(names), np.nan)
-        succeeded[some] = held[some] / attempts[some]
+        size = np.bincount(number)
+        attempts = np.bincount(number[attempt], minlength=len(size))
+        held = np.bincount(number[attempt & success], minlength=len(size))
+        succeeded = np.full(len(size), np.nan)
+        np.divide(held, attempts, out=succeeded, where=attempts > 0)
         return cls(attempts / size, succeeded)
 
     def evidence(self, weight: str) -> tuple[float, float]:
@@ -162,9 +160,10 @@ def learn_sequence(
     """
     shares = (np.arange(steps) + 1) / steps
     thresholds = np.unique(np.quantile(probability, 1.0 - shares, method="lower"))[::-1]
+    number = np.unique(units, return_inverse=True)[1]
     chance = []
     for threshold in thresholds.tolist():
-        share, held = UnitShares.at(threshold, probability, success, units).evidence(weight)
+        share, held = UnitShares.at(threshold, probability, success, number).evidence(weight)
         trials = int(calibration_units * share)
         chance.append(power(trials, held, rate=rate, confidence=confidence) if trials else 0.0)
     plateau = np.flatnonzero(np.array(chance) >= max(chance) - 0.01)
