@@ -35,7 +35,7 @@ from graspcast.binomial import lower_bound, mean_interval, needed_trials, p_valu
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.estimates import Estimates
 from graspcast.promise import MOST_UNITS, OVERALL, Promise, Promises, UnitKind, Weight
-from graspcast.thresholds import Sequence, UnitShares, default_sequence
+from graspcast.thresholds import Sequence, UnitShares, check_target, default_sequence
 
 __all__ = ["certify", "unit_names"]
 
@@ -118,9 +118,8 @@ def _check(
     confidence: float,
     weight: str,
 ) -> None:
-    for name, value in (("rate", rate), ("confidence", confidence)):
-        if not 0.0 < value < 1.0:
-            raise InputError(f"the {name} should be above 0 and below 1, not {value}")
+    check_target("rate", rate)
+    check_target("confidence", confidence)
     if weight not in get_args(Weight):
         raise UnknownNameError("weight", weight, get_args(Weight))
     lengths = {len(a) for a in (probability, success, units, objects) if a is not None}

@@ -43,8 +43,8 @@ class Promise:
         attempt_rate: Expected share of a new unit's instances that are attempted.
         attempt_interval: Its two-sided interval, at ``confidence``.
         needed_units: Where nothing is certified: how many *fresh* units would certify
-            ``shown_at``, if the success rate seen there went on; None if not even 10,000
-            would.
+            ``shown_at``, if testing starts there and the success rate seen there goes on; None if
+            not even 10,000 would.
     """
 
     scope: str
@@ -87,7 +87,7 @@ class Promise:
             )
         return (
             f"{text}; about {self.needed_units} fresh units ({self.needed_trials} trials) would do "
-            f"at probability >= {self.shown_at:.3g}, if the rate seen there goes on"
+            f"if testing starts at {self.shown_at:.3g} and the rate seen there goes on"
         )
 
 

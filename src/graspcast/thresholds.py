@@ -18,7 +18,14 @@ from numpy import ndarray
 from graspcast.binomial import power
 from graspcast.errors import InputError
 
-__all__ = ["Sequence", "UnitShares", "default_sequence", "explore", "learn_sequence"]
+__all__ = [
+    "Sequence",
+    "UnitShares",
+    "check_target",
+    "default_sequence",
+    "explore",
+    "learn_sequence",
+]
 
 
 @dataclass(frozen=True)
@@ -68,6 +75,16 @@ class Sequence:
         return cls(thresholds, weights, str(content["source"]))
 
 
+def check_target(name: str, value: float) -> None:
+    """Refuse a rate or a confidence that nothing, or only certainty, could reach.
+
+    Raises:
+        InputError: if it is not above 0 and below 1.
+    """
+    if not 0.0 < value < 1.0:
+        raise InputError(f"the {name} should be above 0 and below 1, not {value}")
+
+
 def default_sequence(rate: float) -> Sequence:
     """Steps of a hundredth, downwards; testing starts at the target rate, and on either side of it.
 
@@ -76,6 +93,7 @@ def default_sequence(rate: float) -> Sequence:
     spent there. A quarter is spent half-way from there to 1, for forecasters that promise too much,
     and a quarter at 2 rate - 1 (0.8 for 0.9), for those that promise too little.
     """
+    check_target("rate", rate)
     above, below = (1.0 + rate) / 2.0, max(2.0 * rate - 1.0, rate / 2.0)
     starts = {rate: 0.5, round(above, 9): 0.25, round(below, 9): 0.25}
     grid = {step / 100.0 for step in range(1, 100)}.union(starts)
