@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from numpy import ndarray
 
+from graspcast.binomial import p_value
 from graspcast.certification import certify
 from graspcast.drift import DriftMonitor
 from graspcast.promise import Weight
@@ -78,6 +79,47 @@ def ours(weight: Weight, *, learn: bool, naive: bool = False) -> Method:
     return method
 
 
+def another(test: Callable[[ndarray, ndarray], float]) -> Method:
+    """The learned sequence with another p-value: what was tried before one draw was chosen."""
+
+    def method(training: Data, calibration: Data) -> float | None:
+        probability, success, units = calibration
+        scenes = int(units[-1]) + 1
+        sequence = learn_sequence(
+            *training, rate=RATE, confidence=CONFIDENCE, calibration_units=scenes
+        )
+        best = None
+        for threshold in sequence.thresholds[sequence.weights.index(1.0) :]:
+            attempt = (probability >= threshold).reshape(scenes, -1)
+            if test(attempt, success.reshape(scenes, -1)) > 1.0 - CONFIDENCE:
+                break
+            best = threshold
+        return best
+
+    return method
+
+
+def median_of_draws(attempt: ndarray, success: ndarray) -> float:
+    """Twice the median of the exact p-values of 101 draws is a p-value."""
+    scenes, repeats = attempt.shape
+    rng = np.random.default_rng(0)
+    drawn = np.arange(scenes), rng.integers(repeats, size=(101, scenes))
+    count, held = attempt[drawn].sum(axis=1), (attempt & success)[drawn].sum(axis=1)
+    values = [p_value(int(h), int(c), RATE) for h, c in zip(held, count, strict=True)]
+    return 2.0 * float(np.median(values))
+
+
+def bets(attempt: ndarray, success: ndarray) -> float:
+    """A mixture of bets that each scene's failures are fewer than its attempts allow.
+
+    The loss (failures - (1 - rate) attempts) / trials is at most the rate, and at least 0 on
+    average where the promise is broken, so that every product has a mean of at most 1.
+    """
+    loss = ((attempt & ~success).sum(axis=1) - (1 - RATE) * attempt.sum(axis=1)) / attempt.shape[1]
+    stakes = np.linspace(0.02, 0.999, 40) / RATE
+    return float(1.0 / np.exp(np.log1p(-np.outer(stakes, loss)).sum(axis=1)).mean())
+
+
 def mapie(fwer: str) -> Method:
     try:
         from mapie.risk_control import BinaryClassificationController
@@ -100,7 +142,13 @@ def mapie(fwer: str) -> Method:
     return method
 
 
-def methods(with_mapie: bool) -> dict[str, Method]:
+def methods(with_mapie: bool, alternatives: bool) -> dict[str, Method]:
+    if alternatives:
+        return {
+            "one draw (default), learned sequence": ours("attempt", learn=True),
+            "twice the median of draws, learned sequence": another(median_of_draws),
+            "bets, learned sequence": another(bets),
+        }
     out = {
         "trials as units, default sequence": ours("attempt", learn=False, naive=True),
         "trials as units, learned sequence": ours("attempt", learn=True, naive=True),
@@ -162,19 +210,33 @@ def monitor(runs: int, length: int) -> dict[str, dict[str, float]]:
     return out
 
 
+def print_watched(watched: dict[str, dict[str, float]]) -> None:
+    print("\n| field | alarmed | median attempts to the alarm | nine of ten within |")
+    print("|---|---:|---:|---:|")
+    for name, row in watched.items():
+        delays = (f"{row[k]:.0f}" if k in row else "-" for k in ("median", "nine of ten"))
+        print(f"| {name} | {row['alarmed']:.3f} | {' | '.join(delays)} |")
+
+
 def main() -> None:
     # MAPIE says in words too that it found no threshold.
     warnings.filterwarnings("ignore", message="No predict parameters were found")
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--worlds", type=int, default=1000, help="of each kind (default: 1000)")
     parser.add_argument("--without-mapie", action="store_true")
+    parser.add_argument("--only", metavar="TEXT", default="", help="worlds with this in the name")
+    parser.add_argument(
+        "--alternatives", action="store_true", help="other exact tests with one unit a scene"
+    )
     parser.add_argument("--json", metavar="FILE", type=Path)
     options = parser.parse_args()
-    chosen = methods(not options.without_mapie)
+    chosen = methods(not options.without_mapie, options.alternatives)
     found = {}
     print(f"Rate {RATE}, confidence {CONFIDENCE}, {options.worlds} worlds of each kind.\n")
     print("| world | method | broken | none | attempts |\n|---|---|---:|---:|---:|")
     for title, world in WORLDS.items():
+        if options.only not in title:
+            continue
         start = time.perf_counter()
         best, rows = run(world, chosen, options.worlds)
         found[title] = {"best_attempts": best, "methods": rows}
@@ -182,15 +244,10 @@ def main() -> None:
             cells = " | ".join(f"{row[key]:.3f}" for key in ("broken", "none", "attempts"))
             print(f"| {title} (at best {best:.0%}) | {name} | {cells} |", flush=True)
         print(f"{title}: {time.perf_counter() - start:.0f} s", file=sys.stderr)
-    watched = monitor(max(options.worlds // 2, 20), 2000)
-    print("\n| field | alarmed | median attempts to the alarm | nine of ten within |")
-    print("|---|---:|---:|---:|")
-    for name, row in watched.items():
-        cells = [
-            f"{row['alarmed']:.3f}",
-            *(f"{row[k]:.0f}" if k in row else "-" for k in ("median", "nine of ten")),
-        ]
-        print(f"| {name} | {' | '.join(cells)} |")
+    watched = {}
+    if not (options.only or options.alternatives):
+        watched = monitor(max(options.worlds // 2, 20), 2000)
+        print_watched(watched)
     if options.json:
         content = {"worlds": options.worlds, "promises": found, "monitor": watched}
         options.json.write_text(json.dumps(content, indent=2) + "\n")

@@ -77,6 +77,7 @@ def test_counting_scenes_alike_promises_less() -> None:
     assert broken_share(World(100, 5, mislead=1.5), 300, "unit") > margin(300)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("learn", [False, True])
 @pytest.mark.parametrize("world", [ALONE, World(150, 6, scene=2.0, over=1.5)])
 def test_whole_sequences_keep_the_promise(world: World, learn: bool) -> None:

@@ -92,10 +92,9 @@ def test_from_outcomes_to_a_promise(
 ) -> None:
     path, figures = tmp_path / "p.json", tmp_path / "f.json"
     assert main(certify(world, path, "--per-object", "--json", str(figures))) == 0
-    out, err = capsys.readouterr()
+    out = capsys.readouterr().out
     assert "success rate >= 0.9, confidence 0.9 (each promise for itself)" in out
     assert "made-1" in out
-    assert "does not say which scenes it was trained on" in err
     promises = Promises.load(path)
     assert [p.scope for p in promises.promises] == ["all objects", "made-1", "made-2"]
     assert promises.overall.threshold is not None
@@ -142,23 +141,19 @@ def test_scenes_that_were_trained_on_are_refused(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    loaded = Forecaster.load(world / "m.npz")
+    forecaster = Forecaster.load(world / "m.npz")
+    monkeypatch.setattr(Forecaster, "load", lambda _: forecaster)
     seen = tuple(f"made/{scene}" for scene in range(SCENES + 2))
-
-    class Card:
-        scenes = seen
-
-        def __getattr__(self, name: str) -> object:
-            return getattr(loaded.card, name)
-
-    stand_in = dataclasses.replace(loaded, card=Card())  # type: ignore[arg-type]
-    monkeypatch.setattr(Forecaster, "load", lambda _: stand_in)
+    object.__setattr__(forecaster.card, "scenes", seen)
     path = tmp_path / "p.json"
     err = refused(certify(world, path), capsys)
     assert f"trained on 2 of the {SCENES} calibration scenes (made/80, made/81)" in err
     assert not path.exists()
     assert main(certify(world, path, "--allow-training-scenes")) == 0
     assert "the promise means nothing" in capsys.readouterr().err
+    object.__setattr__(forecaster.card, "scenes", ())
+    assert main(certify(world, path)) == 0
+    assert "does not say which scenes it was trained on" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
