@@ -214,6 +214,24 @@ def test_each_weight_draws_what_it_says() -> None:
         assert low < 0.25 < high
 
 
+@pytest.mark.parametrize("weight", ["attempt", "unit"])
+def test_a_seed_favours_no_rank_of_probability(weight: Weight) -> None:
+    # In each unit the more probable of two attempts holds. Over many data with one seed, the drawn
+    # ones are to be binomial: of the right mean, and not the same ones every time.
+    rng = np.random.default_rng(0)
+    held = []
+    for _ in range(300):
+        probability = np.sort(rng.uniform(0.95, 1.0, (40, 2)), axis=1).ravel()
+        success = np.tile([False, True], 40)
+        found = certify(
+            probability, success, np.arange(80) // 2, sequence=at(0.9), weight=weight, **ASKED
+        ).overall
+        assert found.attempted_units == 40
+        held.append(found.successes)
+    assert abs(np.mean(held) - 20) < 3 * math.sqrt(10 / 300)
+    assert 7 < np.var(held) < 13
+
+
 def test_asking_for_more_never_lowers_the_threshold() -> None:
     for number in range(20):
         data = drawn(ALONE, number)

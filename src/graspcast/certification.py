@@ -24,6 +24,7 @@ equally frequent in all units, or units hold one trial each.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from typing import Any, get_args
 
@@ -139,9 +140,14 @@ class _Draws:
     def __init__(
         self, probability: ndarray, success: ndarray, units: ndarray, weight: Weight, seed: int
     ):
-        # Keys are dealt out in an order that the data alone determine.
+        # In an order that the data alone determine, keys are dealt out by a generator seeded with
+        # the data too: with the same keys for all data, a seed that happens to favour units' most
+        # probable trials would do so in every calibration.
         order = np.lexsort((success, probability, units))
-        key = np.random.default_rng(seed).random(len(order))
+        digest = hashlib.sha256(units[order].astype(np.int64).tobytes())
+        digest.update(probability[order].astype(np.float64).tobytes())
+        words = np.frombuffer(digest.digest(), np.uint32)
+        key = np.random.default_rng([seed, *words.tolist()]).random(len(order))
         order = order[np.lexsort((key, units[order]))]
         self.probability, self.success, self.units = (
             probability[order],

@@ -38,7 +38,8 @@ class Promise:
         shown_at: The threshold that the figures below belong to: the certified one, or where none
             could be, the one that would need the fewest units.
         attempted_units, successes: Units with a drawn attempt, and how many of these succeeded.
-        lower: The exact lower bound that these give at the level of error spent on this threshold.
+        lower: The exact lower bound that these give at the error spent on this threshold; where
+            nothing is certified, at all of the allowed error, as if testing had started here.
         attempts, attempts_held: All attempted trials, and how many of these succeeded.
         attempt_rate: Expected share of a new unit's instances that are attempted.
         attempt_interval: Its two-sided interval, at ``confidence``.
