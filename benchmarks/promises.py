@@ -152,8 +152,8 @@ def methods(with_mapie: bool, alternatives: bool) -> dict[str, Method]:
     out = {
         "trials as units, default sequence": ours("attempt", learn=False, naive=True),
         "trials as units, learned sequence": ours("attempt", learn=True, naive=True),
-        "**every attempt counts** (default), default sequence": ours("attempt", learn=False),
-        "**every attempt counts** (default), learned sequence": ours("attempt", learn=True),
+        "every attempt counts, default sequence": ours("attempt", learn=False),
+        "every attempt counts, learned sequence": ours("attempt", learn=True),
         "every scene counts, default sequence": ours("unit", learn=False),
         "every scene counts, learned sequence": ours("unit", learn=True),
     }
@@ -233,16 +233,16 @@ def main() -> None:
     chosen = methods(not options.without_mapie, options.alternatives)
     found = {}
     print(f"Rate {RATE}, confidence {CONFIDENCE}, {options.worlds} worlds of each kind.\n")
-    print("| world | method | broken | none | attempts |\n|---|---|---:|---:|---:|")
+    print("Cells: broken / none / attempts.\n")
+    print(f"| world | {' | '.join(chosen)} |\n|---|{'---|' * len(chosen)}")
     for title, world in WORLDS.items():
         if options.only not in title:
             continue
         start = time.perf_counter()
         best, rows = run(world, chosen, options.worlds)
         found[title] = {"best_attempts": best, "methods": rows}
-        for name, row in rows.items():
-            cells = " | ".join(f"{row[key]:.3f}" for key in ("broken", "none", "attempts"))
-            print(f"| {title} (at best {best:.0%}) | {name} | {cells} |", flush=True)
+        cells = (" / ".join(f"{value:.3f}" for value in row.values()) for row in rows.values())
+        print(f"| {title} (at best {best:.0%}) | {' | '.join(cells)} |", flush=True)
         print(f"{title}: {time.perf_counter() - start:.0f} s", file=sys.stderr)
     watched = {}
     if not (options.only or options.alternatives):
