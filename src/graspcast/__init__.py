@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from graspcast.bop.models import Models
     from graspcast.bop.release import import_release
     from graspcast.bop.results import Results, read_results, write_results
+    from graspcast.certification import certify, unit_names
     from graspcast.consensus import Features, consensus_features, describe, mean_add
+    from graspcast.drift import DriftMonitor
     from graspcast.errors import GraspcastError
     from graspcast.estimates import Estimates, align, concatenate
     from graspcast.grasping.campaign import run_campaign
@@ -34,8 +36,10 @@ if TYPE_CHECKING:
     from graspcast.learning.samples import Samples, join
     from graspcast.learning.scores import Scores, score
     from graspcast.outcomes import read_outcomes
+    from graspcast.promise import Promise, Promises
     from graspcast.published import Published
     from graspcast.report.paper import reproduce
+    from graspcast.thresholds import Sequence, learn_sequence
     from graspcast.truth import match, measure, summarise
     from graspcast.verdict import Verdict, decide, verdict_rows, write_verdicts
 
@@ -44,7 +48,9 @@ _HOME = {
     "bop.models": ("Models",),
     "bop.release": ("import_release",),
     "bop.results": ("Results", "read_results", "write_results"),
+    "certification": ("certify", "unit_names"),
     "consensus": ("Features", "consensus_features", "describe", "mean_add"),
+    "drift": ("DriftMonitor",),
     "errors": ("GraspcastError",),
     "estimates": ("Estimates", "align", "concatenate"),
     "grasping.campaign": ("run_campaign",),
@@ -61,8 +67,10 @@ _HOME = {
     "learning.samples": ("Samples", "join"),
     "learning.scores": ("Scores", "score"),
     "outcomes": ("read_outcomes",),
+    "promise": ("Promise", "Promises"),
     "published": ("Published",),
     "report.paper": ("reproduce",),
+    "thresholds": ("Sequence", "learn_sequence"),
     "truth": ("match", "measure", "summarise"),
     "verdict": ("Verdict", "decide", "verdict_rows", "write_verdicts"),
 }

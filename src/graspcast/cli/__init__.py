@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 
 from graspcast._version import __version__
-from graspcast.cli import campaign, data, learn, see, validate
+from graspcast.cli import campaign, data, learn, promise, see, validate
 from graspcast.errors import GraspcastError
 
 __all__ = ["main", "parser"]
@@ -23,20 +23,22 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="graspcast", description=_DESCRIPTION)
     top.add_argument("--version", action="version", version=f"graspcast {__version__}")
     verbs = top.add_subparsers(title="verbs", dest="verb", metavar="VERB", required=True)
-    for module in (data, learn, campaign, validate, see):
+    for module in (data, learn, promise, campaign, validate, see):
         module.add_verbs(verbs)
     return top
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command line; the exit code (0 done, 2 the user's mistake, 130 interrupted)."""
+    """Run a command line; the exit code.
+
+    0 done, 2 the user's mistake, 3 an alarm of ``monitor``, 130 interrupted.
+    """
     options = parser().parse_args(arguments)
     try:
-        options.run(options)
+        return options.run(options) or 0
     except GraspcastError as error:
         print(f"graspcast {options.verb}: {error}", file=sys.stderr)  # noqa: T201
         return 2
     except KeyboardInterrupt:
         print(f"graspcast {options.verb}: interrupted", file=sys.stderr)  # noqa: T201
         return 130
-    return 0

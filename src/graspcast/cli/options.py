@@ -32,11 +32,11 @@ Verbs = Any  # argparse's sub-parsers action has no public name
 def add_verb(
     verbs: Verbs,
     name: str,
-    run: Callable[[argparse.Namespace], None],
+    run: Callable[[argparse.Namespace], int | None],
     help_text: str,
     description: str,
 ) -> argparse.ArgumentParser:
-    """Add a verb; ``description`` may have several paragraphs."""
+    """Add a verb; ``description`` may have several paragraphs, and ``run`` give an exit code."""
     verb: argparse.ArgumentParser = verbs.add_parser(
         name,
         help=help_text,

@@ -1,0 +1,293 @@
+"""Verbs about the promise: ``certify`` makes it, ``monitor`` watches it in the field."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from graspcast.cli.console import note, print_table, print_text
+from graspcast.cli.options import (
+    Verbs,
+    add_inputs,
+    add_json,
+    add_out,
+    add_outcomes,
+    add_verb,
+    inputs_of,
+    share,
+    write_json,
+)
+from graspcast.errors import InputError, MismatchError
+
+if TYPE_CHECKING:
+    from graspcast.learning.forecaster import Card
+    from graspcast.promise import Promise, Promises
+
+__all__ = ["add_verbs"]
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Add this module's verbs."""
+    _add_certify(verbs)
+    _add_monitor(verbs)
+
+
+def _add_certify(verbs: Verbs) -> None:
+    verb = add_verb(
+        verbs,
+        "certify",
+        _certify,
+        "a threshold with a promised success rate",
+        "Find the threshold at which attempted grasps succeed at a wanted rate, with a stated\n"
+        "confidence, from outcomes that took no part in training; or say that none can be\n"
+        "certified, and how much data would be needed. Scenes (or images) are what is taken to\n"
+        "be independent: the trials within one bear evidence together.",
+    )
+    add_inputs(verb)
+    verb.add_argument("--model", metavar="PATH", type=Path, required=True, help="from train")
+    add_outcomes(verb, required=True)
+    verb.add_argument("--rate", metavar="P", type=share, default=0.9, help="default: 0.9")
+    verb.add_argument("--confidence", metavar="P", type=share, default=0.9, help="default: 0.9")
+    verb.add_argument(
+        "--unit",
+        choices=("scene", "image"),
+        default="scene",
+        help="what is drawn anew, independently (default: scene; images of a video are not)",
+    )
+    verb.add_argument(
+        "--weight",
+        choices=("attempt", "unit"),
+        default="attempt",
+        help="whether every attempt counts (default), or every unit with attempts, which needs "
+        "fewer units and promises less",
+    )
+    verb.add_argument("--per-object", action="store_true", help="a promise for each object too")
+    verb.add_argument(
+        "--simultaneous",
+        action="store_true",
+        help="all promises hold together with this confidence, not each alone",
+    )
+    verb.add_argument(
+        "--others",
+        metavar="N",
+        type=_count,
+        default=0,
+        help="with --simultaneous: so many promises of other runs (other grippers) belong to them",
+    )
+    verb.add_argument(
+        "--explore",
+        metavar="SHARE",
+        type=share,
+        default=0.0,
+        help="spend this share of the units on where testing should start (default: 0: testing "
+        "starts at and around the target rate, which suits a calibrated forecaster)",
+    )
+    verb.add_argument("--seed", metavar="N", type=int, default=0, help="of the draws")
+    verb.add_argument(
+        "--allow-training-scenes",
+        action="store_true",
+        help="go on though the model has seen some of the scenes; the promise then means nothing",
+    )
+    add_out(verb, "the promise's file (JSON)")
+    add_json(verb)
+
+
+def _add_monitor(verbs: Verbs) -> None:
+    verb = add_verb(
+        verbs,
+        "monitor",
+        _monitor,
+        "whether a promise still holds in the field",
+        "Take in the outcomes of attempts in the field, in the order of the file, and raise an\n"
+        "alarm when the promised rate no longer holds. The file is a log that grows: what was\n"
+        "taken in before is skipped, so the command may be repeated, or killed, at any time.\n\n"
+        "Exit code: 0 no alarm, 3 alarm (which stays until --restart), 2 something is wrong.",
+    )
+    verb.add_argument("--promise", metavar="PATH", type=Path, required=True, help="from certify")
+    verb.add_argument(
+        "--state", metavar="PATH", type=Path, required=True, help="made if it is not there"
+    )
+    verb.add_argument(
+        "--outcomes",
+        metavar="FILE",
+        type=Path,
+        required=True,
+        help="the log of attempted grasps: columns as those of trial outcomes, oldest first",
+    )
+    verb.add_argument(
+        "--alpha",
+        metavar="P",
+        type=share,
+        help="chance that there is ever a false alarm (default: 0.05, or the state's)",
+    )
+    verb.add_argument("--object", metavar="NAME", help="the promise of one object (lmo-5)")
+    verb.add_argument(
+        "--most-attempts",
+        metavar="N",
+        type=_count,
+        help="units count by their attempts, of which none has more (default: all alike)",
+    )
+    verb.add_argument(
+        "--close", action="store_true", help="the last unit of the log is over: weigh it too"
+    )
+    verb.add_argument(
+        "--restart", action="store_true", help="forget evidence and alarm before going on"
+    )
+    add_json(verb)
+
+
+def _count(text: str) -> int:
+    if not text.isdigit():
+        raise argparse.ArgumentTypeError(f"a whole number, 0 or more, is needed, not {text!r}")
+    return int(text)
+
+
+def _certify(options: argparse.Namespace) -> None:
+    import hashlib
+    import platform
+
+    import numpy as np
+
+    from graspcast._version import __version__
+    from graspcast.certification import certify, unit_names
+    from graspcast.inputs import load_outcomes
+    from graspcast.learning.forecaster import Forecaster
+    from graspcast.learning.samples import join
+    from graspcast.thresholds import explore
+
+    forecaster = Forecaster.load(options.model)
+    card = forecaster.card
+    inputs = inputs_of(options)
+    estimates = inputs.estimates(card.principal)
+    outcomes = load_outcomes(options.outcomes, estimates.estimators)
+    samples = join(estimates, outcomes, card.principal, card.gripper)
+    for text in inputs.notes:
+        note(text)
+    if samples.untried:
+        note(f"left out {samples.untried} instances without an outcome")
+    scenes = unit_names(samples.estimates, "scene")
+    _check_unseen(card, set(scenes.tolist()), options.allow_training_scenes)
+    probability = forecaster.probability(samples.estimates, inputs.models)
+    units = unit_names(samples.estimates, options.unit)
+    objects = samples.objects if options.per_object else None
+    settings = {"rate": options.rate, "confidence": options.confidence, "weight": options.weight}
+    sequence, kept = explore(
+        probability, samples.success, units, spend=options.explore, seed=options.seed, **settings
+    )
+    promises = certify(
+        probability[kept],
+        samples.success[kept],
+        units[kept],
+        objects=None if objects is None else objects[kept],
+        sequence=sequence,
+        simultaneous=options.simultaneous,
+        others=options.others,
+        seed=options.seed,
+        provenance={
+            "model": hashlib.sha256(options.model.read_bytes()).hexdigest(),
+            "principal": card.principal,
+            "gripper": card.gripper,
+            "unit": options.unit,
+            "versions": {
+                "graspcast": __version__,
+                "python": platform.python_version(),
+                "numpy": np.__version__,
+            },
+        },
+        **settings,
+    )
+    promises.save(options.out)
+    write_json(options.json, promises.as_dict())
+    _print_promises(promises, options.unit)
+    print_text(f"{options.out}: {promises.overall}")
+
+
+def _check_unseen(card: Card, scenes: set[str], allowed: bool) -> None:
+    trained = getattr(card, "scenes", ())
+    if not trained:
+        note(
+            "the model does not say which scenes it was trained on: that these are others is yours"
+        )
+        return
+    seen = sorted(scenes & set(trained))
+    if not seen:
+        return
+    some = ", ".join(seen[:5]) + (", ..." if len(seen) > 5 else "")
+    if not allowed:
+        raise MismatchError(
+            f"the model was trained on {len(seen)} of the {len(scenes)} calibration scenes "
+            f"({some}); give outcomes of others (or --allow-training-scenes, and promise nothing)"
+        )
+    note(f"{len(seen)} calibration scenes were trained on ({some}): the promise means nothing")
+
+
+def _print_promises(promises: Promises, unit: str) -> None:
+    together = (
+        f"all {promises.family} together" if promises.family > 1 else "each promise for itself"
+    )
+    title = f"success rate >= {promises.rate:g}, confidence {promises.confidence:g} ({together})"
+    header = ["attempts", "threshold", "shown at", f"{unit}s", "with one drawn", "succeeded"]
+    header += ["lower bound", "attempted", "interval", "of these held", f"{unit}s needed"]
+    print_table(title, header, [_row(p) for p in promises.promises])
+
+
+def _row(promise: Promise) -> list[str]:
+    low, high = promise.attempt_interval
+    held = f"{promise.attempts_held / promise.attempts:.3f}" if promise.attempts else "-"
+    needed = "-"
+    if promise.threshold is None:
+        needed = "never" if promise.needed_units is None else str(promise.needed_units)
+    return [
+        promise.scope,
+        "none" if promise.threshold is None else f"{promise.threshold:.3f}",
+        f"{promise.shown_at:.3f}",
+        str(promise.units),
+        str(promise.attempted_units),
+        str(promise.successes),
+        f"{promise.lower:.3f}",
+        f"{promise.attempt_rate:.3f}",
+        f"{low:.3f}-{high:.3f}",
+        held,
+        needed,
+    ]
+
+
+def _monitor(options: argparse.Namespace) -> int:
+    from graspcast.field import FieldLog
+    from graspcast.promise import OVERALL, Promises
+
+    promises = Promises.load(options.promise)
+    promise = promises.of(options.object or OVERALL)
+    if promise.threshold is None:
+        raise InputError(
+            f"{options.promise}: promises nothing ({promise}); there is no rate to watch"
+        )
+    log = FieldLog.open(
+        options.state,
+        options.promise,
+        promise,
+        alpha=options.alpha,
+        most_attempts=options.most_attempts,
+    )
+    if options.restart:
+        log.monitor.restart()
+    by_unit = options.most_attempts is None and log.monitor.most_attempts is None
+    if promises.weight == "attempt" and by_unit:
+        note(
+            "every attempt counts in this promise; without --most-attempts, every unit counts alike"
+        )
+    new = log.take_in(options.outcomes, promises.provenance)
+    if options.close:
+        log.monitor.close()
+    log.save()
+    monitor = log.monitor
+    write_json(options.json, monitor.as_dict())
+    state = f"ALARM since attempt {monitor.alarm_at}" if monitor.alarm else "no alarm"
+    rate = f"{monitor.successes / monitor.trials:.3f}" if monitor.trials else "-"
+    print_text(
+        f"{promise.scope}: {state}. {new} new attempts, {monitor.trials} in all, {rate} of them "
+        f"held; {promise.rate:g} is promised. Evidence against it: {monitor.evidence:.3g} of the "
+        f"{1 / monitor.alpha:g} that raise an alarm (at most {monitor.evidence_peak:.3g} so far)"
+    )
+    return 3 if monitor.alarm else 0

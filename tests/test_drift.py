@@ -1,0 +1,230 @@
+"""The drift monitor: false alarms, delays, the arithmetic of its stakes, and its state on disk."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import graspcast
+from graspcast.drift import DriftMonitor
+from graspcast.errors import FormatError, InputError
+
+ENV = {**os.environ, "PYTHONPATH": str(Path(graspcast.__file__).parents[1])}
+
+
+def stake(monitor: DriftMonitor, outcomes: list[bool]) -> float:
+    """The definition, term by term: a stake begun at s is the likelihood ratio from s on."""
+    n, r = len(outcomes), monitor.rate
+    total = 1.0 / (n + 1)  # what is not put in yet
+    for q in monitor.alternatives:
+        for s in range(1, n + 1):
+            ratio = math.prod(q / r if y else (1 - q) / (1 - r) for y in outcomes[s - 1 :])
+            total += ratio / (s * (s + 1)) / len(monitor.alternatives)
+    return total
+
+
+@given(st.lists(st.booleans(), max_size=40), st.floats(0.05, 0.99))
+def test_the_stake_is_its_definition(outcomes: list[bool], rate: float) -> None:
+    monitor = DriftMonitor(rate)
+    for success in outcomes:
+        monitor.observe(success)
+    assert monitor.log_evidence == pytest.approx(math.log(stake(monitor, outcomes)), abs=1e-9)
+
+
+@pytest.mark.parametrize("rate", [0.6, 0.9])
+@pytest.mark.parametrize("truth", ["at the rate", "above it"])
+def test_no_bet_is_in_favour_while_the_promise_holds(rate: float, truth: str) -> None:
+    # The expected stake over all outcomes of eight trials, exactly: 1 at the rate, less above it.
+    p = rate if truth == "at the rate" else (1 + rate) / 2
+    expected = 0.0
+    for outcomes in product([False, True], repeat=8):
+        monitor = DriftMonitor(rate)
+        for success in outcomes:
+            monitor.observe(success)
+        expected += math.prod(p if y else 1 - p for y in outcomes) * monitor.evidence
+    assert expected == pytest.approx(1.0) if truth == "at the rate" else expected < 1.0
+
+
+@pytest.mark.parametrize("most", [None, 5])
+def test_units_are_weighed_fairly(most: int | None) -> None:
+    # Units of which half hold all five attempts, half their only one with 0.8: by attempts the
+    # rate is (5 + 0.8) / 6, by units 0.9. Each kind of monitor is fair to its own rate.
+    rate = 0.9 if most is None else 5.8 / 6
+    kinds = [((5, 5), 0.5), ((1, 1), 0.4), ((1, 0), 0.1)]
+    expected = 0.0
+    for units in product(kinds, repeat=3):
+        monitor = DriftMonitor(rate, most_attempts=most)
+        for i, ((attempts, held), _) in enumerate(units):
+            for j in range(attempts):
+                monitor.observe(j < held, unit=f"s{i}")
+        monitor.close()
+        expected += math.prod(chance for _, chance in units) * monitor.evidence
+    assert expected == pytest.approx(1.0)
+
+
+# Seeded streams; the margin is three standard deviations of an alarm rate of exactly alpha.
+
+
+def alarms(streams: np.ndarray, unit: int | None = None) -> float:
+    count = 0
+    for stream in streams:
+        monitor = DriftMonitor(0.9, 0.1)
+        for i, success in enumerate(stream.tolist()):
+            monitor.observe(success, None if unit is None else str(i // unit))
+        count += monitor.close()
+    return count / len(streams)
+
+
+ALLOWED = 0.1 + 3 * math.sqrt(0.1 * 0.9 / 100)
+
+
+def test_false_alarms_are_as_rare_as_stated() -> None:
+    rng = np.random.default_rng(0)
+    assert alarms(rng.random((100, 400)) < 0.9) <= ALLOWED
+    # The rate may wander above the promised one, and depend on what has happened.
+    wandering = 0.9 + 0.1 * (np.sin(np.arange(400) / 20) > 0)
+    assert alarms(rng.random((100, 400)) < wandering) <= ALLOWED
+
+
+def test_scenes_that_fail_as_a_whole_are_one_observation() -> None:
+    rng = np.random.default_rng(0)
+    scenes = np.repeat(rng.random((100, 40)) < 0.9, 10, axis=1)
+    assert alarms(scenes, unit=10) <= ALLOWED
+    assert alarms(scenes) > 2 * ALLOWED
+
+
+def test_a_broken_promise_is_found_out() -> None:
+    rng = np.random.default_rng(0)
+    for before, after, within in ((0, 0.7, 150), (0, 0.5, 50), (400, 0.6, 150)):
+        late = 0
+        for _ in range(30):
+            monitor = DriftMonitor(0.9)
+            for success in (rng.random(before) < 0.95).tolist():
+                monitor.observe(success)
+            for success in (rng.random(within) < after).tolist():
+                monitor.observe(success)
+            late += not monitor.alarm
+        assert late <= 3, (before, after)
+
+
+def test_an_alarm_stays_until_the_restart() -> None:
+    monitor = DriftMonitor(0.9)
+    while not monitor.observe(False):
+        assert monitor.trials < 20
+    at = monitor.alarm_at
+    for _ in range(500):
+        assert monitor.observe(True)
+    assert monitor.alarm_at == at
+    assert monitor.evidence < 1 / monitor.alpha <= monitor.evidence_peak
+    monitor.restart()
+    assert monitor == DriftMonitor(0.9, restarts=1)
+
+
+@settings(max_examples=50)
+@given(st.lists(st.tuples(st.booleans(), st.sampled_from("ab")), max_size=40), st.integers(0, 40))
+def test_going_on_from_a_file_changes_nothing(
+    tmp_path_factory: pytest.TempPathFactory, outcomes: list[tuple[bool, str]], cut: int
+) -> None:
+    path = tmp_path_factory.mktemp("state") / "m.json"
+    straight = DriftMonitor(0.9, 0.01)
+    for success, unit in outcomes:
+        straight.observe(success, unit)
+    interrupted = DriftMonitor(0.9, 0.01)
+    for success, unit in outcomes[:cut]:
+        interrupted.observe(success, unit)
+    interrupted.save(path)
+    resumed = DriftMonitor.load(path)
+    assert resumed == interrupted
+    for success, unit in outcomes[cut:]:
+        resumed.observe(success, unit)
+    assert resumed == straight
+
+
+def test_a_killed_robot_leaves_a_whole_state(tmp_path: Path) -> None:
+    path = tmp_path / "m.json"
+    code = (
+        "import sys; from graspcast import DriftMonitor; m = DriftMonitor(0.9)\n"
+        "while True:\n"
+        "    m.observe(True); m.save(sys.argv[1]); print(m.trials, flush=True)"
+    )
+    for _ in range(3):
+        robot = subprocess.Popen(
+            [sys.executable, "-c", code, str(path)], stdout=subprocess.PIPE, text=True, env=ENV
+        )
+        assert robot.stdout is not None
+        for _ in range(20):
+            seen = int(robot.stdout.readline())
+        robot.send_signal(signal.SIGKILL)
+        robot.wait()
+        robot.stdout.close()
+        assert DriftMonitor.load(path).trials >= seen
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"rate": 0.0}, "rate should be above 0"),
+        ({"rate": 0.9, "alpha": 1.0}, "alpha should be above 0 and below 1"),
+        ({"rate": 0.9, "most_attempts": 0}, "1 or more"),
+    ],
+)
+def test_bad_settings_are_refused(options: dict[str, float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        DriftMonitor(**options)  # type: ignore[arg-type]
+
+
+def test_a_unit_with_too_many_attempts_is_refused() -> None:
+    monitor = DriftMonitor(0.9, most_attempts=2)
+    monitor.observe(True, "a")
+    monitor.observe(True, "a")
+    monitor.observe(True, "b")
+    before = monitor.as_dict()
+    monitor.observe(True, "b")
+    with pytest.raises(InputError, match="unit b has more than 2 attempts"):
+        monitor.observe(True, "b")
+    assert monitor.trials == before["trials"] + 1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"format": 9}, "format 9"),
+        ({"trials": -1}, "whole numbers"),
+        ({"trials": 1.5}, "whole numbers"),
+        ({"log_stakes": [0.0]}, "8 stakes"),
+        ({"log_stakes": "x"}, "not a whole monitor's state"),
+        ({"rate": 2.0}, "rate should be"),
+        ({"rate": None}, "not a whole monitor's state"),
+    ],
+)
+def test_damaged_states_are_refused(
+    tmp_path: Path, change: dict[str, object], message: str
+) -> None:
+    path = tmp_path / "m.json"
+    path.write_text(json.dumps({**DriftMonitor(0.9).as_dict(), **change}))
+    with pytest.raises(FormatError, match=message):
+        DriftMonitor.load(path)
+    text = json.dumps(DriftMonitor(0.9).as_dict())
+    path.write_text(text[: len(text) // 2])
+    with pytest.raises(FormatError, match="not valid JSON"):
+        DriftMonitor.load(path)
+
+
+def test_every_entry_of_a_state_is_needed(tmp_path: Path) -> None:
+    path = tmp_path / "m.json"
+    whole = DriftMonitor(0.9).as_dict()
+    for key in whole:
+        path.write_text(json.dumps({k: v for k, v in whole.items() if k != key}))
+        with pytest.raises(FormatError, match=f"no '{key}'"):
+            DriftMonitor.load(path)
