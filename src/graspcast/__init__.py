@@ -31,10 +31,13 @@ if TYPE_CHECKING:
     from graspcast.grasping.trial import Outcome, TrialRunner
     from graspcast.grasping.types import Grasp, GraspObject
     from graspcast.grasping.work import load_pairs
-    from graspcast.learning.forecaster import Forecaster, cross_validate, train_forecaster
+    from graspcast.learning.blend import ForestSettings
+    from graspcast.learning.forecaster import Forecaster
+    from graspcast.learning.lessons import ErrorOutcomes, Lessons, lessons
     from graspcast.learning.predictors import NetworkSettings
     from graspcast.learning.samples import Samples, join
     from graspcast.learning.scores import Scores, score
+    from graspcast.learning.training import cross_validate, train_forecaster
     from graspcast.outcomes import read_outcomes
     from graspcast.promise import Promise, Promises
     from graspcast.published import Published
@@ -62,7 +65,10 @@ _HOME = {
     "grasping.trial": ("Outcome", "TrialRunner"),
     "grasping.types": ("Grasp", "GraspObject"),
     "grasping.work": ("load_pairs",),
-    "learning.forecaster": ("Forecaster", "cross_validate", "train_forecaster"),
+    "learning.blend": ("ForestSettings",),
+    "learning.forecaster": ("Forecaster",),
+    "learning.lessons": ("ErrorOutcomes", "Lessons", "lessons"),
+    "learning.training": ("cross_validate", "train_forecaster"),
     "learning.predictors": ("NetworkSettings",),
     "learning.samples": ("Samples", "join"),
     "learning.scores": ("Scores", "score"),

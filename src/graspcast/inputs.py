@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -38,15 +38,30 @@ class Inputs:
         """Dataset's name to its object models."""
         return {name: dataset.models for name, dataset in self.datasets.items()}
 
-    def estimates(self, anchor: str | None = None) -> Estimates:
-        """All estimators side by side; adds to :attr:`notes` what some of them lack.
+    @property
+    def estimators(self) -> tuple[str, ...]:
+        """Those that have results on every dataset."""
+        tables = list(self.results.values())
+        return tuple(name for name in tables[0] if all(name in table for table in tables))
+
+    def estimates(
+        self, anchor: str | None = None, *, only: Collection[str] | None = None
+    ) -> Estimates:
+        """The estimators (all, or some) side by side; adds to :attr:`notes` what some lack.
 
         Raises:
             MismatchError: if no instance has a pose by all, or estimators differ among datasets.
             UnknownNameError: for an anchor that is none of them.
         """
         together = concatenate(
-            [align(tables, dataset=name, anchor=anchor) for name, tables in self.results.items()]
+            [
+                align(
+                    {e: t for e, t in tables.items() if only is None or e in only},
+                    dataset=name,
+                    anchor=anchor,
+                )
+                for name, tables in self.results.items()
+            ]
         )
         lacking = {name: n for name, n in together.lacking.items() if n}
         if lacking:

@@ -9,14 +9,22 @@ from dataclasses import dataclass
 from operator import itemgetter
 from os import PathLike
 
-from jaxtyping import Float
-from numpy import ndarray
-
 from graspcast.errors import InputError
 from graspcast.estimates import Estimates
 from graspcast.files import write_text
 
-__all__ = ["Verdict", "VerdictRow", "check_threshold", "decide", "verdict_rows", "write_verdicts"]
+__all__ = [
+    "STRANGE",
+    "Verdict",
+    "VerdictRow",
+    "check_threshold",
+    "decide",
+    "verdict_rows",
+    "write_verdicts",
+]
+
+STRANGE = 0.01
+"""A disagreement whose p-value is this or less is unfamiliar, so it is abstained from."""
 
 COLUMNS = ("scene_id", "im_id", "obj_id", "gripper", "probability", "verdict", "reason")
 
@@ -29,11 +37,21 @@ class Verdict:
         attempt: Whether to attempt it.
         probability: Of success; None where there is no forecast.
         reason: Why, in a few words.
+        threshold: The least probability that is attempted; None where there is no forecast.
+        promise: What the threshold was certified to keep, if it was.
+        p_value: How usual the disagreement is (small is strange), where that was asked.
+        unfamiliar: Whether it was too strange to trust the forecast.
+        moved: What moved the probability, and by how much, the strongest first, where asked.
     """
 
     attempt: bool
     probability: float | None
     reason: str
+    threshold: float | None = None
+    promise: str | None = None
+    p_value: float | None = None
+    unfamiliar: bool = False
+    moved: tuple[tuple[str, float], ...] = ()
 
     def __str__(self) -> str:
         return "attempt" if self.attempt else "abstain"
@@ -61,33 +79,60 @@ def check_threshold(threshold: float) -> float:
     return threshold
 
 
-def decide(probability: float, threshold: float) -> Verdict:
-    """Attempt at this probability or above it."""
-    attempt = probability >= threshold
-    sign = ">=" if attempt else "<"
-    return Verdict(attempt, probability, f"probability {probability:.3f} {sign} {threshold:g}")
+def decide(
+    probability: float,
+    threshold: float | None,
+    *,
+    promise: str | None = None,
+    p_value: float | None = None,
+    strange: float = STRANGE,
+    moved: tuple[tuple[str, float], ...] = (),
+) -> Verdict:
+    """Attempt at this probability or above it, unless the disagreement is unfamiliar.
+
+    Args:
+        probability: Of success.
+        threshold: The least that is attempted; None attempts nothing.
+        promise: What the threshold was certified to keep, or why nothing could be.
+        p_value: How usual the disagreement is; None is not asked.
+        strange: A p-value of this or less is unfamiliar; 0 trusts every forecast.
+        moved: What moved the probability.
+    """
+    unfamiliar = p_value is not None and p_value <= strange
+    attempt = threshold is not None and probability >= threshold and not unfamiliar
+    if threshold is None:
+        reason = f"probability {probability:.3f}; no threshold could be certified"
+    else:
+        sign = ">=" if probability >= threshold else "<"
+        reason = f"probability {probability:.3f} {sign} {threshold:g}"
+    if unfamiliar:
+        reason += f"; unfamiliar disagreement (p-value {p_value:.4f})"
+    if moved:
+        told = ", ".join(f"{name} {by:+.2f}" for name, by in moved[:2])
+        reason += f"; moved by {told}"
+    return Verdict(
+        attempt, probability, reason, threshold, promise, p_value, unfamiliar, tuple(moved)
+    )
 
 
 def verdict_rows(
-    estimates: Estimates, probability: Float[ndarray, "n"], gripper: str, threshold: float
-) -> list[VerdictRow]:
-    """Verdicts on all of the anchor's instances, in the order of their numbers.
+    estimates: Estimates, verdicts: Iterable[Verdict], gripper: str
+) -> list[tuple[tuple[int, int, int, int], VerdictRow]]:
+    """Verdicts on all of the anchor's instances, by scene, image, object and instance, ascending.
 
     Args:
         estimates: Instances with a pose by every estimator, and those that some lack.
-        probability: Of success, for each instance.
+        verdicts: One for each of the former.
         gripper: The gripper's name.
-        threshold: Attempt at this probability or above it.
     """
-    check_threshold(threshold)
     columns = (estimates.scene_id, estimates.im_id, estimates.obj_id, estimates.inst_id)
     keys = zip(*(column.tolist() for column in columns), strict=True)
-    rows = [(k, decide(p, threshold)) for k, p in zip(keys, probability.tolist(), strict=True)]
+    rows = list(zip(keys, verdicts, strict=True))
     for gap in estimates.partial:
         verdict = Verdict(False, None, f"no estimate by {', '.join(gap.lacking)}")
         rows.append(((gap.scene_id, gap.im_id, gap.obj_id, gap.inst_id), verdict))
     rows.sort(key=itemgetter(0))
-    return [VerdictRow(s, i, o, gripper, verdict) for (s, i, o, _), verdict in rows]
+    return [(key, VerdictRow(key[0], key[1], key[2], gripper, given)) for key, given in rows]
 
 
 def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_table, print_text, progress_bar
 from graspcast.cli.options import (
@@ -18,6 +20,12 @@ from graspcast.cli.options import (
     write_json,
 )
 from graspcast.errors import MismatchError
+
+if TYPE_CHECKING:
+    from graspcast.inputs import Inputs
+    from graspcast.learning.forecaster import Forecaster
+    from graspcast.learning.lessons import Lessons
+    from graspcast.verdict import VerdictRow
 
 __all__ = ["add_verbs"]
 
@@ -70,18 +78,30 @@ def _add_train(verbs: Verbs) -> None:
     add_inputs(verb)
     verb.add_argument("--principal", metavar="NAME", required=True, help="guides the grasp")
     verb.add_argument("--gripper", metavar="NAME", required=True, help="whose outcomes to learn")
-    add_outcomes(verb, required=True)
+    add_outcomes(verb, required=False)
+    verb.add_argument(
+        "--simulated",
+        metavar="DIR",
+        type=Path,
+        action="append",
+        default=[],
+        help="a campaign (best: simulate --borrow) to learn objects from that have no outcomes",
+    )
     verb.add_argument(
         "--method",
-        choices=("threshold", "MLP", "MLP-O"),
-        default="MLP-O",
-        help="threshold on ADD, networks for each object, or for all (default)",
+        choices=("blend", "two-stage", "direct", "threshold", "MLP", "MLP-O"),
+        default="blend",
+        help="two stages and a direct forest blended (default), either alone; threshold on ADD; "
+        "the paper's networks for each object, or for all",
+    )
+    verb.add_argument(
+        "--trees", metavar="N", type=_positive, default=128, help="of each forest (default: 128)"
     )
     verb.add_argument(
         "--features",
         choices=("paper", "rich"),
         default="rich",
-        help="what networks see (default: rich, which needs --bop)",
+        help="what networks see (default: rich)",
     )
     verb.add_argument(
         "--protocol",
@@ -118,13 +138,39 @@ def _add_predict(verbs: Verbs) -> None:
         "supporter has no estimate there is no forecast, and the verdict is to abstain.",
     )
     add_inputs(verb)
-    verb.add_argument("--model", metavar="PATH", type=Path, required=True, help="from train")
+    verb.add_argument(
+        "--model",
+        metavar="PATH",
+        type=Path,
+        action="append",
+        required=True,
+        help="from train; further ones, trained with fewer supporters, stand in where one is "
+        "missing",
+    )
     verb.add_argument(
         "--threshold",
         metavar="P",
         type=share,
-        default=0.5,
         help="attempt at this probability or above it (default: 0.5)",
+    )
+    verb.add_argument(
+        "--promise",
+        metavar="PATH",
+        type=Path,
+        action="append",
+        default=[],
+        help="from certify: its threshold instead; one for each model",
+    )
+    verb.add_argument(
+        "--strange",
+        metavar="P",
+        type=share,
+        default=0.01,
+        help="abstain where a disagreement is so unusual that training has at most this share of "
+        "such; 0 trusts every forecast (default: 0.01)",
+    )
+    verb.add_argument(
+        "--explain", action="store_true", help="say in each reason what moved the probability most"
     )
     add_out(verb, "the verdicts' CSV")
 
@@ -132,24 +178,20 @@ def _add_predict(verbs: Verbs) -> None:
 def _train(options: argparse.Namespace) -> None:
     from dataclasses import replace
 
-    from graspcast.inputs import load_outcomes
-    from graspcast.learning.forecaster import cross_validate, train_forecaster
+    from graspcast.learning.blend import ForestSettings
     from graspcast.learning.mlp_training import MlpSettings
     from graspcast.learning.predictors import NetworkSettings
-    from graspcast.learning.samples import join
+    from graspcast.learning.training import cross_validate, train_forecaster
 
     inputs = inputs_of(options)
-    estimates = inputs.estimates(options.principal)
-    outcomes = load_outcomes(options.outcomes, estimates.estimators)
-    samples = join(estimates, outcomes, options.principal, options.gripper)
+    learned = _lessons(options, inputs)
     for text in inputs.notes:
         note(text)
-    if samples.untried:
-        note(f"left out {samples.untried} instances without an outcome")
     settings = {
         "method": options.method,
         "features": options.features,
         "models": inputs.models,
+        "forests": ForestSettings(trees=options.trees, seed=options.seed),
         "settings": NetworkSettings(
             protocol=options.protocol,
             members=options.members,
@@ -161,16 +203,17 @@ def _train(options: argparse.Namespace) -> None:
     if options.folds > 1:
         with progress_bar("cross-validating") as move:
             found = cross_validate(
-                samples, folds=options.folds, seed=options.seed, progress=move, **settings
+                learned, folds=options.folds, seed=options.seed, progress=move, **settings
             )
         scores["unseen_scenes"] = found.as_dict()
     if options.unseen_objects:
         with progress_bar("leaving out each object") as move:
-            found = cross_validate(samples, by="object", progress=move, **settings)
+            found = cross_validate(learned, by="object", progress=move, **settings)
         scores["unseen_objects"] = found.as_dict()
     with progress_bar("training") as move:
-        forecaster = train_forecaster(samples, progress=move, **settings)
-    forecaster = replace(forecaster, card=replace(forecaster.card, scores=scores))
+        forecaster = train_forecaster(learned, progress=move, **settings)
+    card = replace(forecaster.card, scores=scores)
+    forecaster = replace(forecaster, card=card)
     if scores:
         rows = [
             [measure.replace("_", " "), *(_figure(s[measure]) for s in scores.values())]
@@ -179,10 +222,49 @@ def _train(options: argparse.Namespace) -> None:
         header = [options.method, *(name.replace("_", " ") for name in scores)]
         print_table(f"{options.method}, scores on what training has not seen", header, rows)
     forecaster.save(options.out)
-    write_json(options.json, {"card": forecaster.card.as_dict()})
+    write_json(options.json, {"card": card.as_dict()})
+    simulated = f" ({len(card.simulated)} by simulation alone)" if card.simulated else ""
     print_text(
-        f"{options.out}: {options.principal} with {', '.join(forecaster.card.supporters)}, "
-        f"{options.gripper} gripper, {len(forecaster.card.objects)} objects, {len(samples)} samples"
+        f"{options.out}: {options.principal} with {', '.join(card.supporters)}, "
+        f"{options.gripper} gripper, {len(card.objects)} objects{simulated}, "
+        f"{card.samples} samples"
+    )
+
+
+def _lessons(options: argparse.Namespace, inputs: Inputs) -> Lessons:
+    """All that the options give to learn from; says what they lack."""
+    import numpy as np
+
+    from graspcast.errors import GraspcastError, InputError
+    from graspcast.inputs import load_outcomes
+    from graspcast.learning.lessons import ErrorOutcomes, lessons
+    from graspcast.learning.samples import join
+    from graspcast.truth import true_poses
+
+    estimates = inputs.estimates(options.principal)
+    outcomes = None
+    if options.outcomes:
+        outcomes = load_outcomes(options.outcomes, estimates.estimators)
+        untried = join(estimates, outcomes, options.principal, options.gripper).untried
+        if untried:
+            inputs.notes.append(f"{untried} instances have no outcome")
+    simulated = None
+    if options.simulated:
+        simulated = ErrorOutcomes.read(options.simulated, options.gripper)
+    if outcomes is None and simulated is None:
+        raise InputError("there is nothing to learn from: give --outcomes, --simulated, or both")
+    truth = None
+    if options.method in ("blend", "two-stage"):
+        try:
+            truth = true_poses(estimates, options.principal, inputs.datasets)
+        except GraspcastError as error:
+            if options.method == "two-stage" or outcomes is None:
+                raise
+            inputs.notes.append(f"the direct forest alone, since two stages need truth: {error}")
+        if truth is not None and (without := int(np.isnan(truth[:, 0, 0]).sum())):
+            inputs.notes.append(f"{without} instances have no ground truth")
+    return lessons(
+        estimates, outcomes, options.principal, options.gripper, truth=truth, simulated=simulated
     )
 
 
@@ -191,23 +273,103 @@ def _figure(value: float | int | None) -> str:
 
 
 def _predict(options: argparse.Namespace) -> None:
+    from graspcast.fallback import Fallbacks
     from graspcast.learning.forecaster import Forecaster
-    from graspcast.verdict import verdict_rows, write_verdicts
+    from graspcast.verdict import write_verdicts
 
-    forecaster = Forecaster.load(options.model)
+    models = Fallbacks(Forecaster.load(path) for path in options.model)
+    terms = _Terms(options)
     inputs = inputs_of(options)
     if len(inputs.results) > 1:
         raise MismatchError(
             f"verdicts are of one dataset, but there are estimates of {', '.join(inputs.results)}"
         )
-    estimates = inputs.estimates(forecaster.card.principal)
-    probability = forecaster.probability(estimates, inputs.models)
-    rows = verdict_rows(estimates, probability, forecaster.card.gripper, options.threshold)
+    answered: dict[tuple[int, int, int, int], VerdictRow] = {}
+    usable = models.usable(inputs.estimators)
+    for forecaster in usable:
+        for key, row in _verdicts(forecaster, inputs, terms, options, len(usable) > 1):
+            if key not in answered or answered[key].verdict.probability is None:
+                answered[key] = row
+    rows = [answered[key] for key in sorted(answered)]
     write_verdicts(options.out, rows)
-    for text in inputs.notes:
+    for text in dict.fromkeys(inputs.notes):
         note(text)
     attempts = sum(row.verdict.attempt for row in rows)
-    print_text(f"{options.out}: {len(rows)} verdicts, {attempts} to attempt")
+    strange = sum(row.verdict.unfamiliar for row in rows)
+    print_text(
+        f"{options.out}: {len(rows)} verdicts, {attempts} to attempt"
+        + (f", {strange} unfamiliar" if strange else "")
+    )
+    for text in terms.promised:
+        print_text(text)
+
+
+class _Terms:
+    """Which threshold each model's forecasts are held to: a number, or a promise's."""
+
+    def __init__(self, options: argparse.Namespace):
+        from graspcast.errors import InputError
+        from graspcast.promise import Promises
+
+        if options.promise and options.threshold is not None:
+            raise InputError("--promise brings its own threshold: leave out --threshold")
+        self.threshold = 0.5 if options.threshold is None else options.threshold
+        self.promises = {
+            promises.provenance.get("model"): promises
+            for promises in map(Promises.load, options.promise)
+        }
+        self.promised: list[str] = []
+
+    def of(self, forecaster: Forecaster) -> tuple[float | None, str | None]:
+        """Threshold and promise for a model's forecasts.
+
+        Raises:
+            MismatchError: if there are promises but none was made for this model.
+        """
+        if not self.promises:
+            return self.threshold, None
+        card = forecaster.card
+        if card.digest not in self.promises:
+            raise MismatchError(
+                f"no promise was made for the model with {', '.join(card.supporters)}: certify it, "
+                "and give its --promise too"
+            )
+        promise = self.promises[card.digest].overall
+        self.promised.append(str(promise))
+        return promise.threshold, str(promise)
+
+
+def _verdicts(
+    forecaster: Forecaster,
+    inputs: Inputs,
+    terms: _Terms,
+    options: argparse.Namespace,
+    says_which: bool,
+) -> Iterator[tuple[tuple[int, int, int, int], VerdictRow]]:
+    """The verdict of one model on every instance, by scene, image, object and instance."""
+    from dataclasses import replace
+
+    from graspcast.verdict import decide, verdict_rows
+
+    card = forecaster.card
+    estimates = inputs.estimates(card.principal, only=(card.principal, *card.supporters))
+    threshold, promise = terms.of(forecaster)
+    count = len(estimates)
+    moved = forecaster.explain(estimates, inputs.models) if options.explain else [()] * count
+    found = zip(
+        forecaster.probability(estimates, inputs.models).tolist(),
+        forecaster.p_value(estimates).tolist(),
+        moved,
+        strict=True,
+    )
+    verdicts = [
+        decide(p, threshold, promise=promise, p_value=usual, strange=options.strange, moved=why)
+        for p, usual, why in found
+    ]
+    if says_which:
+        told = f"; with {', '.join(card.supporters)}"
+        verdicts = [replace(verdict, reason=verdict.reason + told) for verdict in verdicts]
+    yield from verdict_rows(estimates, verdicts, card.gripper)
 
 
 def _reproduce(options: argparse.Namespace) -> None:

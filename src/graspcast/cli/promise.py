@@ -21,7 +21,7 @@ from graspcast.cli.options import (
 from graspcast.errors import InputError, MismatchError
 
 if TYPE_CHECKING:
-    from graspcast.learning.forecaster import Card
+    from graspcast.learning.card import Card
     from graspcast.promise import Promise, Promises
 
 __all__ = ["add_verbs"]
@@ -61,6 +61,13 @@ def _add_certify(verbs: Verbs) -> None:
         default="attempt",
         help="whether every attempt counts (default), or every unit with attempts, which needs "
         "fewer units and promises less",
+    )
+    verb.add_argument(
+        "--strange",
+        metavar="P",
+        type=share,
+        default=0.01,
+        help="as for predict: so unusual a disagreement is not attempted (default: 0.01)",
     )
     verb.add_argument("--per-object", action="store_true", help="a promise for each object too")
     verb.add_argument(
@@ -144,7 +151,6 @@ def _count(text: str) -> int:
 
 
 def _certify(options: argparse.Namespace) -> None:
-    import hashlib
     import platform
 
     import numpy as np
@@ -169,6 +175,8 @@ def _certify(options: argparse.Namespace) -> None:
     scenes = unit_names(samples.estimates, "scene")
     _check_unseen(card, set(scenes.tolist()), options.allow_training_scenes)
     probability = forecaster.probability(samples.estimates, inputs.models)
+    # What a verdict would abstain from is no attempt here either.
+    probability[forecaster.p_value(samples.estimates) <= options.strange] = 0.0
     units = unit_names(samples.estimates, options.unit)
     objects = samples.objects if options.per_object else None
     settings = {"rate": options.rate, "confidence": options.confidence, "weight": options.weight}
@@ -185,7 +193,8 @@ def _certify(options: argparse.Namespace) -> None:
         others=options.others,
         seed=options.seed,
         provenance={
-            "model": hashlib.sha256(options.model.read_bytes()).hexdigest(),
+            "model": card.digest,
+            "strange": options.strange,
             "principal": card.principal,
             "gripper": card.gripper,
             "unit": options.unit,

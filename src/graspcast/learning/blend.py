@@ -22,6 +22,7 @@ from graspcast.errors import InputError
 from graspcast.geometry import compose, invert
 from graspcast.learning.forests import Forest, flatten
 from graspcast.learning.lessons import Lessons
+from graspcast.learning.predictors import UNSEEN
 from graspcast.learning.samples import scene_groups
 from graspcast.learning.two_stage import ErrorModel, Survival, expected_survival
 from graspcast.pose_error import nearest_symmetric
@@ -229,7 +230,10 @@ class _Table:
     def of(cls, lessons: Lessons, objects: Sequence[str], models: Mapping[str, Models]) -> _Table:
         estimates = lessons.estimates
         number = {name: i for i, name in enumerate(objects)}
-        numbers = np.array([number[name] for name in estimates.objects.tolist()], dtype=np.int64)
+        # What has neither outcomes nor simulated trials still shows how estimators err.
+        numbers = np.array(
+            [number.get(name, UNSEEN) for name in estimates.objects.tolist()], dtype=np.int64
+        )
         names: tuple[str, ...] = ()
         features, truths, errors = [], [], []
         for name in estimates.estimators:

@@ -2,80 +2,46 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import platform
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast._version import __version__
 from graspcast.bop.models import Models
-from graspcast.consensus import FeatureSet, consensus_features, mean_add
-from graspcast.errors import FormatError, InputError, MismatchError, UnknownNameError
+from graspcast.consensus import Features, FeatureSet, consensus_features, mean_add
+from graspcast.errors import FormatError, InputError, MismatchError
 from graspcast.estimates import Estimates
 from graspcast.files import atomic_write
-from graspcast.learning.predictors import (
-    UNSEEN,
-    NetworkEnsemble,
-    NetworkSettings,
-    Predictor,
-    Thresholds,
-)
-from graspcast.learning.samples import Samples, by_object, by_scene
-from graspcast.learning.scores import Scores, score
-from graspcast.verdict import Verdict, check_threshold, decide
+from graspcast.learning.blend import Blend
+from graspcast.learning.card import Card
+from graspcast.learning.familiarity import Familiarity
+from graspcast.learning.influence import influences
+from graspcast.learning.predictors import UNSEEN, NetworkEnsemble, Predictor, Thresholds
+from graspcast.verdict import STRANGE, Verdict, check_threshold, decide
 
-__all__ = ["METHODS", "Card", "Forecaster", "cross_validate", "train_forecaster"]
+__all__ = ["KINDS", "Forecaster", "features_of"]
 
-METHODS = ("threshold", "MLP", "MLP-O")
-_FORMAT = 1
-
-
-@dataclass(frozen=True)
-class Card:
-    """What a forecaster was made of.
-
-    Attributes:
-        principal, supporters: The estimators; features are in the supporters' order.
-        gripper: The gripper whose outcomes it learned.
-        objects: ``dataset-number`` of the objects it knows.
-        method: One of :data:`METHODS`.
-        features: Feature set (``paper`` or ``rich``), or ``add`` for the threshold.
-        settings: Of the method.
-        samples, success_rate: Of the training data.
-        data: SHA-256 of the training data.
-        versions: Of graspcast, Python and NumPy.
-        scores: Cross-validated scores by protocol.
-    """
-
-    principal: str
-    supporters: tuple[str, ...]
-    gripper: str
-    objects: tuple[str, ...]
-    method: str
-    features: str
-    settings: dict[str, Any]
-    samples: int
-    success_rate: float
-    data: str
-    versions: dict[str, str]
-    scores: dict[str, dict[str, Any]] = field(default_factory=dict)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
-        return asdict(self)
+KINDS: Mapping[str, Any] = {
+    "blend": Blend,
+    "two-stage": Blend,
+    "direct": Blend,
+    "threshold": Thresholds,
+    "MLP": NetworkEnsemble,
+    "MLP-O": NetworkEnsemble,
+}
+"""Method's name to what is inside a forecaster of it."""
+_FORMAT = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Forecaster:
-    """A trained predictor and its card.
+    """A trained predictor, what training looked like, and its card.
 
     ::
 
@@ -86,6 +52,9 @@ class Forecaster:
 
     card: Card
     predictor: Predictor
+    familiarity: Familiarity
+    typical: Float[ndarray, "d"]
+    """Medians of the training features, which explanations compare with."""
 
     @property
     def needs_models(self) -> bool:
@@ -111,10 +80,39 @@ class Forecaster:
         """
         card = self.card
         self._check_estimators(estimates.estimators)
-        values = _features(estimates.only(card.principal, *card.supporters), card, models)
+        values = features_of(self._mine(estimates), card.principal, card.features, models).values
         return self.predictor.probability(
             values, self._object_numbers(estimates.objects, unseen_objects)
         )
+
+    def p_value(self, estimates: Estimates) -> Float[ndarray, "n"]:
+        """How usual each instance's disagreement is (see :mod:`graspcast.learning.familiarity`).
+
+        Small is strange: of instances from scenes like the training's, at most a share ``a`` has
+        ``a`` or less.
+
+        Raises:
+            MismatchError: for other estimators than it was trained for.
+        """
+        self._check_estimators(estimates.estimators)
+        return self.familiarity.p_value(estimates, self.card.principal, self.card.supporters)
+
+    def explain(
+        self, estimates: Estimates, models: Mapping[str, Models] | None = None
+    ) -> list[tuple[tuple[str, float], ...]]:
+        """What moved each probability most, and by how much, the strongest first.
+
+        A group of features (one supporter's rotation, say) is set to training's medians; the
+        probability less the one that is then forecast is what the group did.
+
+        Raises:
+            MismatchError: as :meth:`probability`.
+        """
+        card = self.card
+        self._check_estimators(estimates.estimators)
+        found = features_of(self._mine(estimates), card.principal, card.features, models)
+        numbers = self._object_numbers(estimates.objects)
+        return influences(self.predictor, found, numbers, self.typical)
 
     def predict(
         self,
@@ -123,6 +121,8 @@ class Forecaster:
         *,
         threshold: float = 0.5,
         models: Mapping[str, Models] | None = None,
+        strange: float = STRANGE,
+        explain: bool = False,
     ) -> Verdict:
         """The verdict on one instance.
 
@@ -131,6 +131,8 @@ class Forecaster:
             object_name: ``dataset-number``, as in ``lmo-1``.
             threshold: Attempt at this probability or above it.
             models: As for :meth:`probability`.
+            strange: Abstain where :meth:`p_value` is this or less; 0 attempts the unfamiliar too.
+            explain: Say what moved the probability (see :meth:`explain`).
 
         Raises:
             MismatchError: for other estimators or objects than it was trained for.
@@ -153,7 +155,16 @@ class Forecaster:
             inst_id=one,
             cam_T_obj=np.stack([np.asarray(p, np.float64)[None] for p in poses.values()]),
         )
-        return decide(float(self.probability(estimates, models)[0]), threshold)
+        return decide(
+            float(self.probability(estimates, models)[0]),
+            threshold,
+            p_value=float(self.p_value(estimates)[0]),
+            strange=strange,
+            moved=self.explain(estimates, models)[0] if explain else (),
+        )
+
+    def _mine(self, estimates: Estimates) -> Estimates:
+        return estimates.only(self.card.principal, *self.card.supporters)
 
     def _check_estimators(self, given: Collection[str]) -> None:
         card = self.card
@@ -180,7 +191,11 @@ class Forecaster:
         content = {"format": _FORMAT, "card": self.card.as_dict()}
         with atomic_write(path) as temporary, temporary.open("wb") as stream:
             np.savez_compressed(
-                stream, card=np.array(json.dumps(content)), **_prefixed(self.predictor.to_arrays())
+                stream,
+                card=np.array(json.dumps(content)),
+                typical=self.typical,
+                **_prefixed("predictor", self.predictor.to_arrays()),
+                **_prefixed("familiarity", self.familiarity.to_arrays()),
             )
 
     @classmethod
@@ -195,12 +210,16 @@ class Forecaster:
             # Opened here, since NumPy leaves what is no archive open.
             with path.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
                 content = json.loads(str(data["card"]))
-                arrays = {k.removeprefix("predictor/"): data[k] for k in data.files if k != "card"}
+                arrays = {k: data[k] for k in data.files if k != "card"}
             if content["format"] != _FORMAT:
                 raise FormatError(path, f"is a model of format {content['format']}, not {_FORMAT}")
-            card = _card(content["card"])
-            kind = Thresholds if card.method == "threshold" else NetworkEnsemble
-            return cls(card, kind.from_arrays(arrays))
+            card = Card.from_dict(content["card"])
+            return cls(
+                card,
+                KINDS[card.method].from_arrays(_below("predictor", arrays)),
+                Familiarity.from_arrays(_below("familiarity", arrays)),
+                arrays["typical"],
+            )
         except FormatError:
             raise
         except OSError as error:
@@ -211,142 +230,23 @@ class Forecaster:
             ) from error
 
 
-def _prefixed(arrays: Mapping[str, ndarray]) -> dict[str, Any]:
-    return {f"predictor/{name}": array for name, array in arrays.items()}
+def _prefixed(prefix: str, arrays: Mapping[str, ndarray]) -> dict[str, Any]:
+    return {f"{prefix}/{name}": array for name, array in arrays.items()}
 
 
-def _card(content: Mapping[str, Any]) -> Card:
-    lists = {k: tuple(content[k]) for k in ("supporters", "objects")}
-    return Card(**{**content, **lists})
+def _below(prefix: str, arrays: Mapping[str, ndarray]) -> dict[str, ndarray]:
+    return {
+        name.removeprefix(f"{prefix}/"): array
+        for name, array in arrays.items()
+        if name.startswith(f"{prefix}/")
+    }
 
 
-def _features(
-    estimates: Estimates, card: Card, models: Mapping[str, Models] | None
-) -> Float[ndarray, "n d"]:
-    if card.features == "add":
-        return mean_add(estimates, card.principal, models or {})[:, None]
-    which: FeatureSet = "rich" if card.features == "rich" else "paper"
-    return consensus_features(estimates, card.principal, which=which, models=models).values
-
-
-def _digest(samples: Samples) -> str:
-    estimates = samples.estimates
-    digest = hashlib.sha256()
-    for part in ("dataset", "scene_id", "im_id", "obj_id", "inst_id", "cam_T_obj"):
-        digest.update(np.ascontiguousarray(getattr(estimates, part)).tobytes())
-    digest.update(samples.success.tobytes())
-    return digest.hexdigest()
-
-
-def _fit(
-    values: ndarray,
-    samples: Samples,
-    objects: ndarray,
-    method: str,
-    settings: NetworkSettings,
-    progress: Callable[[float], None] | None,
-) -> Predictor:
-    if method == "threshold":
-        return Thresholds.fit(values, samples.success, objects)
-    return NetworkEnsemble.fit(values, samples.success, objects, settings, progress=progress)
-
-
-def train_forecaster(
-    samples: Samples,
-    *,
-    method: str = "MLP-O",
-    features: FeatureSet = "paper",
-    settings: NetworkSettings | None = None,
-    models: Mapping[str, Models] | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> Forecaster:
-    """Train a forecaster for the samples' principal, supporters, gripper and objects.
-
-    Args:
-        samples: Instances with outcomes.
-        method: ``threshold`` (on ADD), ``MLP`` (networks for each object) or ``MLP-O`` (for all).
-        features: ``paper`` or ``rich``; the threshold has its own.
-        settings: Of the networks.
-        models: Dataset's name to its object models, for ``rich`` and the threshold.
-        progress: Called with the share of the work that is done.
-
-    Raises:
-        UnknownNameError: for an unknown method.
-        InputError: for fewer than ten samples, or only successes or only failures.
-    """
-    if method not in METHODS:
-        raise UnknownNameError("method", method, METHODS)
-    held = int(samples.success.sum())
-    if len(samples) < 10 or held in (0, len(samples)):
-        raise InputError(
-            f"{len(samples)} samples with {held} successes are too few to learn from: give at "
-            "least ten, with both outcomes"
-        )
-    settings = replace(
-        settings or NetworkSettings(),
-        pools_objects=method == "MLP-O",
-        standardise=features == "rich",
-    )
-    names = tuple(sorted(set(samples.objects.tolist())))
-    card = Card(
-        principal=samples.principal,
-        supporters=samples.estimates.supporters(samples.principal),
-        gripper=samples.gripper,
-        objects=names,
-        method=method,
-        features="add" if method == "threshold" else features,
-        settings={} if method == "threshold" else asdict(settings),
-        samples=len(samples),
-        success_rate=held / len(samples),
-        data=_digest(samples),
-        versions={
-            "graspcast": __version__,
-            "python": platform.python_version(),
-            "numpy": np.__version__,
-        },
-    )
-    values = _features(samples.estimates, card, models)
-    objects = np.searchsorted(names, samples.objects)
-    return Forecaster(card, _fit(values, samples, objects, method, settings, progress))
-
-
-def cross_validate(
-    samples: Samples,
-    *,
-    by: Literal["scene", "object"] = "scene",
-    folds: int = 5,
-    seed: int = 0,
-    progress: Callable[[float], None] | None = None,
-    **options: Any,
-) -> Scores:
-    """Scores on scenes (or blocks of frames), or on objects, that training has not seen.
-
-    Args:
-        samples: Instances with outcomes.
-        by: Deal out the scenes, or leave out each object in turn.
-        folds: How many parts the scenes are dealt into.
-        seed: Of the dealing.
-        progress: Called with the share of the work that is done.
-        options: Those of :func:`train_forecaster`.
-    """
-    probability = np.full(len(samples), np.nan)
-    if by == "scene":
-        parts = list(by_scene(samples, folds=folds, seed=seed))
-    else:
-        parts = [fold for _, fold in by_object(samples)]
-    for i, (train, test) in enumerate(parts):
-
-        def step(share: float, i: int = i) -> None:
-            if progress is not None:
-                progress((i + share) / len(parts))
-
-        forecaster = train_forecaster(samples.select(train), progress=step, **options)
-        if by == "scene":
-            test = test[np.isin(samples.objects[test], forecaster.card.objects)]
-        if not len(test):
-            continue
-        probability[test] = forecaster.probability(
-            samples.estimates.select(test), options.get("models"), unseen_objects=by == "object"
-        )
-    scored = ~np.isnan(probability)
-    return score(probability[scored], samples.success[scored], samples.objects[scored])
+def features_of(
+    estimates: Estimates, principal: str, which: str, models: Mapping[str, Models] | None
+) -> Features:
+    """The features that a card names: a set's name, or ``add`` for the mean ADD alone."""
+    if which == "add":
+        return Features(("add_mean",), mean_add(estimates, principal, models or {})[:, None])
+    named: FeatureSet = which  # type: ignore[assignment]
+    return consensus_features(estimates, principal, which=named, models=models)

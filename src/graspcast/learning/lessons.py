@@ -16,7 +16,7 @@ from graspcast.estimates import Estimates
 from graspcast.learning.samples import Samples, outcomes_of
 from graspcast.outcomes import read_error_outcomes
 
-__all__ = ["ErrorOutcomes", "Lessons", "lessons"]
+__all__ = ["ErrorOutcomes", "Lessons", "as_lessons", "lessons"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,3 +156,14 @@ def lessons(
     if truth is None:
         truth = np.full((len(estimates), 4, 4), np.nan)
     return Lessons(estimates, principal, gripper, truth, success, simulated)
+
+
+def as_lessons(given: Samples | Lessons) -> Lessons:
+    """Samples as lessons without ground truth, of the principal's outcomes alone."""
+    if isinstance(given, Lessons):
+        return given
+    estimates = given.estimates
+    success = np.full((len(estimates.estimators), len(estimates)), np.nan)
+    success[estimates.index(given.principal)] = given.success
+    truth = np.full((len(estimates), 4, 4), np.nan)
+    return Lessons(estimates, given.principal, given.gripper, truth, success)

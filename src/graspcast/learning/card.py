@@ -1,0 +1,77 @@
+"""What a forecaster was made of, for whoever finds its file."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from graspcast.estimates import Estimates
+
+__all__ = ["Card", "digest_of"]
+
+
+@dataclass(frozen=True)
+class Card:
+    """What a forecaster was made of.
+
+    Attributes:
+        principal, supporters: The estimators; features are in the supporters' order.
+        gripper: The gripper whose outcomes it learned.
+        objects: ``dataset-number`` of the objects it knows.
+        simulated: Those of them that it knows by simulated trials alone.
+        scenes: ``dataset/scene`` of all that it has learned from.
+        method: One of :data:`graspcast.learning.forecaster.METHODS`.
+        features: Feature set (``paper``, ``rich`` or ``full``), or ``add`` for the threshold.
+        settings: Of the method.
+        samples, success_rate: Of the training data.
+        data: SHA-256 of the training data.
+        versions: Of graspcast, Python and NumPy.
+        scores: Cross-validated scores by protocol.
+    """
+
+    principal: str
+    supporters: tuple[str, ...]
+    gripper: str
+    objects: tuple[str, ...]
+    method: str
+    features: str
+    settings: dict[str, Any]
+    samples: int
+    success_rate: float
+    data: str
+    versions: dict[str, str]
+    scores: dict[str, dict[str, Any]] = field(default_factory=dict)
+    simulated: tuple[str, ...] = ()
+    scenes: tuple[str, ...] = ()
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of all but the scores: promises name the model by it."""
+        content = {k: v for k, v in self.as_dict().items() if k != "scores"}
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Card:
+        """The inverse of :meth:`as_dict`, from JSON."""
+        lists = ("supporters", "objects", "simulated", "scenes")
+        return cls(**{**content, **{k: tuple(content[k]) for k in lists}})
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return asdict(self)
+
+
+def digest_of(estimates: Estimates, *others: ndarray) -> str:
+    """SHA-256 over instances and poses, and over further arrays."""
+    digest = hashlib.sha256()
+    for part in ("dataset", "scene_id", "im_id", "obj_id", "inst_id", "cam_T_obj"):
+        digest.update(np.ascontiguousarray(getattr(estimates, part)).tobytes())
+    for array in others:
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,180 @@
+"""Training a forecaster, and scoring its method on what training has not seen."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from graspcast._version import __version__
+from graspcast.bop.models import Models
+from graspcast.consensus import FeatureSet
+from graspcast.errors import InputError, UnknownNameError
+from graspcast.learning.blend import Blend, ForestSettings
+from graspcast.learning.card import Card, digest_of
+from graspcast.learning.familiarity import Familiarity
+from graspcast.learning.forecaster import KINDS, Forecaster, features_of
+from graspcast.learning.lessons import Lessons, as_lessons
+from graspcast.learning.predictors import NetworkEnsemble, NetworkSettings, Thresholds
+from graspcast.learning.samples import Samples, by_object, by_scene, scene_groups
+from graspcast.learning.scores import Scores, score
+
+__all__ = ["cross_validate", "train_forecaster"]
+
+_FORESTS = {"blend": None, "two-stage": 0.0, "direct": 1.0}
+
+
+def train_forecaster(
+    given: Samples | Lessons,
+    *,
+    method: str = "blend",
+    features: FeatureSet = "paper",
+    settings: NetworkSettings | None = None,
+    forests: ForestSettings | None = None,
+    models: Mapping[str, Models] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Forecaster:
+    """Train a forecaster for a principal, its supporters, a gripper and objects.
+
+    Args:
+        given: Instances with outcomes; lessons may add ground truth, outcomes of grasps that the
+            other estimators guided, and simulated trials.
+        method: ``blend`` (the default), its parts ``two-stage`` (needs ground truth) and
+            ``direct``; ``threshold`` (on ADD), ``MLP`` (the paper's networks for each object) or
+            ``MLP-O`` (for all), which learn from the principal's outcomes alone.
+        features: Of networks, ``paper`` or ``rich``; the other methods have their own.
+        settings: Of networks.
+        forests: Of ``blend``, ``two-stage`` and ``direct``.
+        models: Dataset's name to its object models, for all but the paper's features.
+        progress: Called with the share of the work that is done.
+
+    Raises:
+        UnknownNameError: for an unknown method.
+        InputError: for fewer than ten samples, or only successes or only failures, unless there
+            are simulated trials.
+    """
+    if method not in KINDS:
+        raise UnknownNameError("method", method, KINDS)
+    learned = as_lessons(given)
+    with_outcomes = set(learned.estimates.objects[~np.isnan(learned.success).all(axis=0)].tolist())
+    in_forests = method in _FORESTS
+    simulated = set()
+    if in_forests and learned.simulated is not None:
+        simulated = set(learned.simulated.objects.tolist())
+    own = learned.success[learned.estimates.index(learned.principal)]
+    tried = ~np.isnan(own)
+    held = int((own[tried] == 1).sum())
+    if not simulated and (tried.sum() < 10 or held in (0, tried.sum())):
+        raise InputError(
+            f"{tried.sum()} samples with {held} successes are too few to learn from: give at "
+            "least ten, with both outcomes"
+        )
+    used: Any = forests or ForestSettings()
+    if in_forests:
+        share = _FORESTS[method]
+        used = used if share is None else replace(used, direct=share)
+        features = "full"
+        scope, names = learned, tuple(sorted(with_outcomes | simulated))
+    else:
+        used = replace(
+            settings or NetworkSettings(),
+            pools_objects=method == "MLP-O",
+            standardise=features == "rich",
+        )
+        scope = learned.select(tried)
+        names = tuple(sorted(set(scope.estimates.objects.tolist())))
+    estimates = scope.estimates
+    card = Card(
+        principal=learned.principal,
+        supporters=estimates.supporters(learned.principal),
+        gripper=learned.gripper,
+        objects=names,
+        method=method,
+        features="add" if method == "threshold" else features,
+        settings={} if method == "threshold" else asdict(used),
+        samples=int(tried.sum()),
+        success_rate=held / max(1, int(tried.sum())),
+        data=digest_of(estimates, scope.success, scope.truth),
+        versions={
+            "graspcast": __version__,
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+        },
+        simulated=tuple(sorted(simulated - with_outcomes)) if in_forests else (),
+        scenes=_scenes(estimates),
+    )
+    values = features_of(estimates, card.principal, card.features, models).values
+    predictor: Blend | Thresholds | NetworkEnsemble
+    if in_forests:
+        predictor = Blend.fit(scope, names, models or {}, used, progress=progress)
+    else:
+        success = own[tried] == 1
+        numbers = np.searchsorted(names, estimates.objects)
+        if method == "threshold":
+            predictor = Thresholds.fit(values, success, numbers)
+        else:
+            predictor = NetworkEnsemble.fit(values, success, numbers, used, progress=progress)
+    return Forecaster(
+        card,
+        predictor,
+        Familiarity.fit(estimates, card.principal),
+        np.median(values, axis=0),
+    )
+
+
+def _scenes(estimates: Any) -> tuple[str, ...]:
+    pairs = zip(estimates.dataset.tolist(), estimates.scene_id.tolist(), strict=True)
+    return tuple(sorted({f"{dataset}/{scene}" for dataset, scene in pairs}))
+
+
+def cross_validate(
+    given: Samples | Lessons,
+    *,
+    by: Literal["scene", "object"] = "scene",
+    folds: int = 5,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+    **options: Any,
+) -> Scores:
+    """Scores on scenes (or blocks of frames), or on objects, that training has not seen.
+
+    Args:
+        given: Instances with outcomes, as for :func:`train_forecaster`.
+        by: Deal out the scenes, or leave out each object in turn.
+        folds: How many parts the scenes are dealt into.
+        seed: Of the dealing.
+        progress: Called with the share of the work that is done.
+        options: Those of :func:`train_forecaster`.
+    """
+    learned = as_lessons(given)
+    samples = learned.samples
+    probability = np.full(len(samples), np.nan)
+    if by == "scene":
+        parts = list(by_scene(samples, folds=folds, seed=seed))
+    else:
+        parts = [fold for _, fold in by_object(samples)]
+    # Of the lessons, what shares a scene (or the object) with the judged is kept from training.
+    every, mine = (
+        (scene_groups(each) if by == "scene" else each.objects)
+        for each in (learned.estimates, samples.estimates)
+    )
+    for i, (_, test) in enumerate(parts):
+
+        def step(share: float, i: int = i) -> None:
+            if progress is not None:
+                progress((i + share) / len(parts))
+
+        kept = learned.select(~np.isin(every, mine[test]))
+        forecaster = train_forecaster(kept, progress=step, **options)
+        if by == "scene":
+            test = test[np.isin(samples.objects[test], forecaster.card.objects)]
+        if not len(test):
+            continue
+        probability[test] = forecaster.probability(
+            samples.estimates.select(test), options.get("models"), unseen_objects=by == "object"
+        )
+    scored = ~np.isnan(probability)
+    return score(probability[scored], samples.success[scored], samples.objects[scored])
