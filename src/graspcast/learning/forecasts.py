@@ -93,7 +93,8 @@ class Forecasts:
                 return None
             names = ("protocol", "method", "principal", "gripper")
             columns = ("probability", "success", "objects", "scenes")
-            return cls(*(str(content[n]) for n in names), *(content[c] for c in columns))
+            named: dict[str, Any] = {n: str(content[n]) for n in names}
+            return cls(**named, **{c: content[c] for c in columns})
         except Exception as error:  # those of zipfile, zlib and NumPy have no common base
             raise FormatError(
                 path, f"is not a whole file of predictions ({error}); delete it and start again"

@@ -29,7 +29,7 @@ _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#
 _GREY = "#6b6b6b"
 _FEWEST = 10  # a rate of fewer instances says nothing
 _COVERAGES = np.linspace(0.02, 1.0, 491)  # below, the rate of a handful of instances
-_STYLE = {
+_STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 10,
     "axes.spines.top": False,
@@ -64,7 +64,8 @@ def _figure(columns: int, rows: int, size: tuple[float, float]) -> Iterator[tupl
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context(_STYLE):
-        figure = Figure(figsize=size, layout="constrained")
+        figure = Figure(figsize=size)
+        figure.set_layout_engine("constrained", w_pad=0.1)  # ends of neighbouring axes are labelled
         yield figure, figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
 
 
@@ -111,7 +112,9 @@ def _draw_reliability(axes: Axes, parts: Sequence[Forecasts], colour: str, how: 
     shown = np.flatnonzero(size >= _FEWEST)
     x = np.bincount(number, weights=f.probability, minlength=BINS)[shown] / size[shown]
     y = np.bincount(number, weights=f.success, minlength=BINS)[shown] / size[shown]
-    ends = np.array([how.interval(rates[:, k]) for k in shown])
+    ends = np.array(
+        [how.interval(rates[:, k], rate, (0, 1)) for k, rate in zip(shown, y, strict=True)]
+    )
     # How many instances lie in a bin, along the bottom, the fullest a quarter of the height.
     edges = np.arange(BINS) / BINS
     axes.bar(edges, 0.25 * size / size.max(), 1 / BINS, align="edge", color=colour, alpha=0.2, lw=0)
@@ -144,19 +147,19 @@ def reliability_diagram(
     how = bootstrap or Bootstrap()
     panels = _panels(forecasts, protocol, methods)
     columns, rows = len(methods), len(panels)
-    with _figure(columns, rows, (0.6 + 2.5 * columns, 0.6 + 2.6 * rows)) as (figure, grid):
-        for row, (gripper, panel) in zip(grid, panels.items(), strict=True):
-            row[0].set_ylabel(f"{gripper} gripper\nsuccess rate")
+    with _figure(columns, rows, (0.7 + 2.5 * columns, 0.5 + 2.4 * rows)) as (figure, grid):
+        for i, (gripper, panel) in enumerate(panels.items()):
+            grid[i, 0].set_ylabel(f"{gripper} gripper\nsuccess rate")
             for column, method in enumerate(methods):
-                axes = row[column]
+                axes = grid[i, column]
                 if method not in panel:
                     axes.set_visible(False)
                     continue
                 colour = _COLOURS[column % len(_COLOURS)]
                 _draw_reliability(axes, panel[method], colour, how)
-                if row is grid[0]:
+                if i == 0:
                     axes.set_title(method)
-                if row is grid[-1]:
+                if i == rows - 1:
                     axes.set_xlabel("forecast probability")
         _save(figure, path)
 
@@ -197,7 +200,7 @@ def risk_coverage_plot(
             axes.set_xlabel("share of grasps attempted")
             axes.legend(title="AURC", loc="upper left", alignment="left", fontsize=9)
             axes.set(xlim=(0, 1))
-        grid[0][0].set_ylabel("failure rate of these")
+        grid[0][0].set_ylabel("failure rate of the attempted")
         top = max(float(axes.get_ylim()[1]) for axes in grid[0])
         grid[0][0].set_ylim(0, 1.25 * top)  # room for the legend
         _save(figure, path)

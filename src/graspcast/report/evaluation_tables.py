@@ -47,7 +47,7 @@ def _differences(figures: Mapping[str, Any], gripper: str) -> str:
             cells = [by_measure[m] for m in shown]
             rows.append(
                 [
-                    f"{method} − {baseline}",
+                    f"{method} minus {baseline}",
                     *(_with_interval(c["difference"], c["interval"], "+") for c in cells),
                 ]
             )
@@ -57,7 +57,7 @@ def _differences(figures: Mapping[str, Any], gripper: str) -> str:
 def _values(figures: Mapping[str, Any], references: Mapping[str, Any]) -> str:
     rows = [[name, *(f"{r[name]:.3f}" for r in references.values())] for name in _REFERENCES]
     for method, f in figures.items():
-        cells = [f[g] if g in f else None for g in references]
+        cells = [f.get(g) for g in references]
         rows.append(
             [
                 f"following {method}",
@@ -83,8 +83,8 @@ def render_evaluation(found: Mapping[str, Any]) -> str:
     bootstrap, costs = found["bootstrap"], found["costs"]
     parts = [
         f"Means over principals; in brackets {100 * bootstrap['confidence']:.0f} % intervals of "
-        f"{bootstrap['draws']} bootstrap draws of whole scenes (percentiles; one draw for all "
-        "methods, so differences are paired). Accuracy is at a probability of 0.5, averaged over "
+        f"{bootstrap['draws']} bootstrap draws of whole scenes (percentiles, less the draws' "
+        "bias; one draw for all methods, so differences are paired). Accuracy is at a probability of 0.5, averaged over "
         "objects; Brier, ECE and AURC are better if small. Net value is per instance, in units of "
         f"what a success gains, a failure costing {costs['failure']:g} and abstaining "
         f"{costs['abstention']:g}: attempts are made from a probability of "
