@@ -72,5 +72,5 @@ class Costs:
         return {
             "always": self.value(everything, success),
             "never": self.value(~everything, success),
-            "perfect": self.value(success, success),
+            "perfect": self.following(success.astype(np.float64), success),
         }
