@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Mapping
+from itertools import product
 
+import numpy as np
+import polars as pl
+
+from graspcast.bop.models import Models
 from graspcast.estimates import Estimates
+from graspcast.learning.benchmark import Benchmark
 from graspcast.learning.samples import Samples
 from poses import nudged, random_poses
 
@@ -43,3 +49,39 @@ def samples(n: int = 120, *, seed: int = 0, noise: float = 0.05, **options: obje
     apart = np.linalg.norm(given.cam_T_obj[0, :, :3, 3] - given.cam_T_obj[1, :, :3, 3], axis=-1)
     success = (apart < 0.02) ^ (np.random.default_rng(seed).random(n) < noise)
     return Samples(given, given.estimators[0], "parallel", success)
+
+
+def outcomes_of(
+    given: Estimates, grippers: tuple[str, ...] = ("p", "u"), *, seed: int = 0
+) -> pl.DataFrame:
+    """Trials with every estimator as principal: held where the next one agrees, with noise."""
+    rng = np.random.default_rng(seed)
+    place = given.cam_T_obj[:, :, :3, 3]
+    keys = {
+        name: getattr(given, name).tolist()
+        for name in ("dataset", "scene_id", "im_id", "obj_id", "inst_id")
+    }
+    tables = []
+    for k, gripper in product(range(len(given.estimators)), grippers):
+        apart = np.linalg.norm(place[k] - place[k - 1], axis=-1)
+        success = (apart < 0.02) ^ (rng.random(len(given)) < 0.2)
+        names = {"estimator": pl.lit(given.estimators[k]), "gripper": pl.lit(gripper)}
+        trials = pl.DataFrame({**keys, "success": success.astype(np.int64)})
+        tables.append(trials.with_columns(**names))
+    return pl.concat(tables)
+
+
+def benchmark(models: Mapping[str, Models], n: int = 120, *, simulated: bool = True) -> Benchmark:
+    """Two objects in six scenes, two grippers, a split, and one's own trials."""
+    given = estimates(n)
+    trials = outcomes_of(given)
+    part = np.where(np.random.default_rng(9).random(len(trials)) < 0.2, "test", "train")
+    return Benchmark(
+        estimates=given,
+        truth=random_poses(n, 0),
+        outcomes=trials,
+        split=trials.rename({"estimator": "principal"}).with_columns(split=pl.Series(part)),
+        models=models,
+        reported=given.im_id % 3 == 0,
+        simulated=outcomes_of(given, seed=5) if simulated else None,
+    )

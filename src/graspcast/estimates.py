@@ -98,6 +98,10 @@ class Estimates:
         names = [f"{d}-{o}" for d, o in zip(self.dataset, self.obj_id, strict=True)]
         return np.array(names, dtype=str)
 
+    def instances(self) -> list[tuple[str, int, int, int, int]]:
+        """Dataset, scene, image, object and instance number of each instance."""
+        return list(zip(*(getattr(self, name).tolist() for name in _COLUMNS), strict=True))
+
     def select(self, which: Bool[ndarray, "n"] | Int[ndarray, "m"]) -> Estimates:
         """Some of the instances, by mask or by number."""
         rows = {name: getattr(self, name)[which] for name in _COLUMNS}

@@ -6,14 +6,23 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.errors import InputError
 
-__all__ = ["RiskCoverage", "Scores", "calibration_error", "risk_coverage", "score"]
+__all__ = [
+    "BINS",
+    "RiskCoverage",
+    "Scores",
+    "bin_of",
+    "calibration_error",
+    "risk_coverage",
+    "score",
+]
 
-COVERAGES = (0.5, 0.7, 0.9)
+BINS = 15
+"""Bins of equal width of the calibration error."""
 
 
 @dataclass(frozen=True)
@@ -77,16 +86,20 @@ class Scores:
         return {k: None if v != v else v for k, v in asdict(self).items()}
 
 
+def bin_of(probability: Float[ndarray, "n"], *, bins: int = BINS) -> Int[ndarray, "n"]:
+    """The number of each probability's bin, from 0; bins hold their lower edge, the last both."""
+    return np.minimum((probability * bins).astype(np.int64), bins - 1)
+
+
 def calibration_error(
-    probability: Float[ndarray, "n"], success: Bool[ndarray, "n"], *, bins: int = 15
+    probability: Float[ndarray, "n"], success: Bool[ndarray, "n"], *, bins: int = BINS
 ) -> float:
     """Expected calibration error (Naeini et al., 2015) over bins of equal width.
 
     The mean, weighted by the bins' sizes, of the difference between a bin's mean probability and
     its success rate.
     """
-    number = np.minimum((probability * bins).astype(np.int64), bins - 1)
-    gap = np.bincount(number, weights=probability - success, minlength=bins)
+    gap = np.bincount(bin_of(probability, bins=bins), weights=probability - success, minlength=bins)
     return float(np.abs(gap).sum() / len(success))
 
 

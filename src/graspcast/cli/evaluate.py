@@ -1,0 +1,175 @@
+"""The verb that compares methods: ``evaluate``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from graspcast.cli.console import note, print_text, progress_bar
+from graspcast.cli.options import Verbs, add_json, add_outcomes, add_verb, positive, write_json
+from graspcast.errors import InputError, UnknownNameError
+
+__all__ = ["add_verbs"]
+
+_DRAWN = "unseen_scenes"
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Add this module's verb."""
+    verb = add_verb(
+        verbs,
+        "evaluate",
+        _evaluate,
+        "compare all methods, by every protocol",
+        "Train and judge every method by every protocol, and print as Markdown scores with\n"
+        "confidence intervals, paired differences, and what following the forecasts is worth.\n"
+        "With --work, started again, it goes on from where it was.",
+    )
+    verb.add_argument(
+        "--data",
+        metavar="DIR",
+        type=Path,
+        required=True,
+        help="holds published/ (what import-release writes) and bop/",
+    )
+    add_outcomes(
+        verb,
+        required=False,
+        what="outcomes of your own simulated trials (a campaign's directory), for methods that "
+        "learn from simulation and for the protocol unseen_object_simulated; may be repeated",
+    )
+    verb.add_argument(
+        "--borrowed",
+        metavar="DIR",
+        type=Path,
+        action="append",
+        default=[],
+        help="trials by errors borrowed from other objects (simulate --borrow), from which two "
+        "stages learn an object or gripper that has no outcomes; may be repeated",
+    )
+    verb.add_argument("--methods", metavar="NAME", nargs="+", help="default: all")
+    verb.add_argument(
+        "--protocols",
+        metavar="NAME",
+        nargs="+",
+        help="default: all (unseen_object_simulated only with --outcomes)",
+    )
+    verb.add_argument(
+        "--failure-cost",
+        metavar="X",
+        type=float,
+        default=2.0,
+        help="of a failed attempt, in units of what a success gains (default: 2)",
+    )
+    verb.add_argument(
+        "--abstain-cost",
+        metavar="X",
+        type=float,
+        default=0.2,
+        help="of not attempting, in the same units (default: 0.2)",
+    )
+    verb.add_argument(
+        "--bootstrap",
+        metavar="N",
+        type=positive,
+        default=1000,
+        help="draws of scenes for intervals (default: 1000)",
+    )
+    verb.add_argument("--seed", metavar="N", type=int, default=0, help="of everything random")
+    verb.add_argument("--work", metavar="DIR", type=Path, help="keeps what has been computed")
+    verb.add_argument(
+        "--figures",
+        metavar="DIR",
+        type=Path,
+        help="write a reliability diagram and risk-coverage curves, as SVG and PNG (needs "
+        "graspcast[plot] and the protocol unseen_scenes)",
+    )
+    verb.add_argument(
+        "--draw", metavar="NAME", nargs="+", help="the methods in figures (default: all evaluated)"
+    )
+    add_json(verb)
+
+
+def _chosen(kind: str, asked: list[str] | None, known: list[str]) -> list[str]:
+    """The asked names, each once, or all."""
+    for name in asked or []:
+        if name not in known:
+            raise UnknownNameError(kind, name, known)
+    return list(dict.fromkeys(asked or known))
+
+
+def _versions() -> dict[str, str]:
+    import platform
+    from importlib.metadata import version
+
+    from graspcast._version import __version__
+
+    packages = ("numpy", "numba", "scikit-learn", "scipy")
+    return {
+        "graspcast": __version__,
+        "python": platform.python_version(),
+        **{name: version(name) for name in packages},
+    }
+
+
+def _evaluate(options: argparse.Namespace) -> None:
+    import inspect
+    import time
+    from dataclasses import asdict
+
+    from graspcast.learning.benchmark import Benchmark
+    from graspcast.learning.forecast_run import forecast_all
+    from graspcast.learning.lessons import ErrorOutcomes
+    from graspcast.learning.methods import METHODS
+    from graspcast.learning.protocols import PROTOCOLS
+    from graspcast.learning.value import Costs
+    from graspcast.outcomes import read_all_outcomes
+    from graspcast.published import Published
+    from graspcast.report.evaluation import Bootstrap, evaluate
+    from graspcast.report.evaluation_tables import render_evaluation
+
+    start = time.perf_counter()
+    costs = Costs(options.failure_cost, options.abstain_cost)
+    bootstrap = Bootstrap(options.bootstrap, options.seed)
+    protocols = _chosen("protocol", options.protocols, list(PROTOCOLS))
+    if not (options.outcomes or options.protocols):
+        protocols.remove("unseen_object_simulated")
+    names = _chosen("method", options.methods, list(METHODS))
+    drawn = _chosen("method to draw", options.draw, names)
+    if options.figures is not None:
+        if _DRAWN not in protocols:
+            raise InputError(f"figures are of the protocol {_DRAWN}; add it to --protocols")
+        from graspcast.report.evaluation_figures import check_plotting
+
+        check_plotting()
+    methods = {name: METHODS[name](options.seed) for name in names}
+    simulated = read_all_outcomes(options.outcomes) if options.outcomes else None
+    data = Published(options.data)
+    borrowed = {}
+    if options.borrowed:
+        grippers = data.outcomes["gripper"].unique().sort().to_list()
+        borrowed = {g: ErrorOutcomes.read(options.borrowed, g) for g in grippers}
+    benchmark = Benchmark.of(data, simulated, borrowed)
+    with progress_bar("evaluating") as move:
+        forecasts = forecast_all(
+            benchmark, methods, protocols, work=options.work, seed=options.seed, progress=move
+        )
+    found = {
+        **evaluate(forecasts, costs=costs, bootstrap=bootstrap),
+        "protocols": {name: PROTOCOLS[name] for name in protocols},
+        "methods": {n: (inspect.getdoc(m) or "").partition("\n")[0] for n, m in methods.items()},
+        "settings": {name: repr(method) for name, method in methods.items()},
+        "costs": {**asdict(costs), "break_even": costs.break_even},
+        "bootstrap": {**asdict(bootstrap), "unit": "scene, or block of frames of an only scene"},
+        "seed": options.seed,
+        "data": benchmark.digest(own_trials=True),
+        "versions": _versions(),
+        "seconds": time.perf_counter() - start,
+    }
+    print_text(render_evaluation(found))
+    if options.figures is not None:
+        from graspcast.report.evaluation_figures import draw_figures
+
+        for path in draw_figures(forecasts, options.figures, methods=drawn, bootstrap=bootstrap):
+            note(f"{path}, and the same as PNG")
+    write_json(options.json, found)

@@ -1,0 +1,157 @@
+"""What methods are compared on: estimates, outcomes, ground truth, and one's own trials."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import polars as pl
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from graspcast.bop.dataset import BopDataset
+from graspcast.bop.models import Models
+from graspcast.errors import InputError, MismatchError
+from graspcast.estimates import Estimates
+from graspcast.grasping.parts import frames_of, part_of
+from graspcast.learning.lessons import ErrorOutcomes
+from graspcast.learning.samples import Samples, join, scene_groups
+from graspcast.published import Published
+from graspcast.truth import true_poses
+
+__all__ = ["Benchmark"]
+
+_KEYS = ("dataset", "scene_id", "im_id", "obj_id", "inst_id")
+
+
+@dataclass(frozen=True, eq=False)
+class Benchmark:
+    """The data that every method learns from and is judged on; rows are instances.
+
+    Attributes:
+        estimates: All estimators' poses of n instances.
+        truth: Their true poses ``cam_T_obj``, metres, (n, 4, 4).
+        outcomes: Of trials, as :func:`graspcast.outcomes.read_outcomes` returns them.
+        split: As :func:`graspcast.learning.samples.read_split` returns it.
+        models: Dataset's name to its object models.
+        reported: Which instances are of images that no reference grasp was fitted or chosen on,
+            (n,): where a simulation takes part, only these are judged.
+        simulated: Outcomes of one's own campaign, if there is one.
+        borrowed: Gripper's name to trials of each object by errors that were made on others.
+    """
+
+    estimates: Estimates
+    truth: Float[ndarray, "n 4 4"]
+    outcomes: pl.DataFrame
+    split: pl.DataFrame
+    models: Mapping[str, Models]
+    reported: Bool[ndarray, " n"]
+    simulated: pl.DataFrame | None = None
+    borrowed: Mapping[str, ErrorOutcomes] = field(default_factory=dict)
+    _joined: dict[tuple[str, str, bool], Samples] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(
+        cls,
+        data: Published,
+        simulated: pl.DataFrame | None = None,
+        borrowed: Mapping[str, ErrorOutcomes] | None = None,
+    ) -> Benchmark:
+        """The published data, perhaps with one's own trials."""
+        estimates = data.estimates
+        frames = frames_of({name: dataset.ground_truth for name, dataset in data.bop.items()})
+        part = part_of(estimates.dataset, estimates.scene_id, estimates.im_id, frames)
+        return cls(
+            estimates=estimates,
+            truth=_true_poses(estimates, data.bop),
+            borrowed=borrowed or {},
+            outcomes=data.outcomes,
+            split=data.split,
+            models=data.models,
+            reported=part == "report",
+            simulated=simulated,
+        )
+
+    def __len__(self) -> int:
+        return len(self.estimates)
+
+    @cached_property
+    def scenes(self) -> ndarray:
+        """The scene, or block of frames, of each instance, (n,)."""
+        return scene_groups(self.estimates)
+
+    @cached_property
+    def _row(self) -> dict[tuple[object, ...], int]:
+        return {key: row for row, key in enumerate(self.estimates.instances())}
+
+    def rows_of(self, estimates: Estimates) -> Int[ndarray, " m"]:
+        """The rows of some of its instances."""
+        return np.array([self._row[key] for key in estimates.instances()], dtype=np.int64)
+
+    def pairs(self, *, simulated: bool = False) -> list[tuple[str, str]]:
+        """The principals and grippers that there are outcomes of, in the estimators' order."""
+        table = self._table(simulated)
+        found = set(table.select("estimator", "gripper").unique().rows())
+        grippers = sorted({gripper for _, gripper in found})
+        return [(e, g) for e in self.estimates.estimators for g in grippers if (e, g) in found]
+
+    def samples(
+        self, principal: str, gripper: str, rows: Bool[ndarray, " n"], *, simulated: bool = False
+    ) -> Samples:
+        """The tried instances among some rows."""
+        key = (principal, gripper, simulated)
+        if key not in self._joined:
+            self._joined[key] = join(self.estimates, self._table(simulated), principal, gripper)
+        whole = self._joined[key]
+        return whole.select(rows[self.rows_of(whole.estimates)])
+
+    def with_simulated_outcomes(self) -> Benchmark:
+        """The same, the campaign's outcomes standing in for the published ones."""
+        return replace(self, outcomes=self._table(True), _joined={})
+
+    def digest(self, *, own_trials: bool) -> str:
+        """SHA-256 of everything that a prediction can depend on; with one's own trials or not."""
+        out = hashlib.sha256()
+        for name in _KEYS:
+            out.update(",".join(map(str, getattr(self.estimates, name))).encode())
+        out.update(",".join(self.estimates.estimators).encode())
+        for array in (self.estimates.cam_T_obj, self.truth, self.reported):
+            out.update(np.ascontiguousarray(array).tobytes())
+        for name, models in sorted(self.models.items()):
+            for number in sorted(set(self.estimates.obj_id[self.estimates.dataset == name])):
+                out.update(models.mesh(int(number)).vertices.tobytes())
+        for table in (self.outcomes, self.split, self.simulated if own_trials else None):
+            if table is not None:
+                out.update(table.sort(table.columns).write_csv().encode())
+        for name, trials in sorted(self.borrowed.items()) if own_trials else ():
+            out.update(name.encode())
+            out.update(",".join(trials.objects.tolist()).encode())
+            for array in (trials.obj_T_est, trials.success):
+                out.update(np.ascontiguousarray(array).tobytes())
+        return out.hexdigest()
+
+    def _table(self, simulated: bool) -> pl.DataFrame:
+        if not simulated:
+            return self.outcomes
+        if self.simulated is None:
+            raise InputError(
+                "this needs outcomes of your own simulated trials: run 'graspcast simulate' and "
+                "give its directory with --outcomes"
+            )
+        return self.simulated
+
+
+def _true_poses(estimates: Estimates, datasets: Mapping[str, BopDataset]) -> ndarray:
+    """The true pose of each instance."""
+    out = true_poses(estimates, estimates.estimators[0], datasets)
+    lacking = np.flatnonzero(np.isnan(out[:, 0, 0]))
+    if len(lacking):
+        dataset, scene, image, obj_id, _ = estimates.instances()[lacking[0]]
+        raise MismatchError(
+            f"{len(lacking)} instances have no ground truth, the first object {obj_id} in image "
+            f"{image} of scene {scene} of {dataset}"
+        )
+    return out

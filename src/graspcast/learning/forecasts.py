@@ -1,0 +1,101 @@
+"""A method's predictions under one protocol, beside what came of the grasps."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from graspcast.errors import FormatError, InputError, MismatchError
+from graspcast.files import atomic_write
+
+__all__ = ["Forecasts"]
+
+
+@dataclass(frozen=True, eq=False)
+class Forecasts:
+    """Predictions for one principal and gripper.
+
+    Attributes:
+        protocol: What was kept from training (:data:`graspcast.learning.protocols.PROTOCOLS`).
+        method: Name of the method.
+        principal, gripper: Whose grasps these are.
+        probability: Predicted, from 0 to 1, (n,).
+        success: Outcomes, (n,).
+        objects: ``dataset-number`` of each, (n,).
+        scenes: Each one's scene or block of frames, as
+            :func:`graspcast.learning.samples.scene_groups` names them, (n,).
+
+    Raises:
+        MismatchError: if the columns differ in length.
+        InputError: if there is no row, or what is given as a probability is none.
+    """
+
+    protocol: str
+    method: str
+    principal: str
+    gripper: str
+    probability: Float[ndarray, " n"]
+    success: Bool[ndarray, " n"]
+    objects: ndarray
+    scenes: ndarray
+
+    def __post_init__(self) -> None:
+        what = f"{self.method} ({self.protocol}, {self.principal}, {self.gripper})"
+        columns = (self.probability, self.success, self.objects, self.scenes)
+        shapes = [np.shape(column) for column in columns]
+        if len(set(shapes)) > 1 or len(shapes[0]) != 1:
+            raise MismatchError(
+                f"{what}: probabilities, outcomes, objects and scenes are not columns of one "
+                f"length, but {', '.join(map(str, shapes))}"
+            )
+        if not len(self.success):
+            raise InputError(f"{what}: there are no predictions")
+        wrong = ~((self.probability >= 0) & (self.probability <= 1))
+        if wrong.any():
+            raise InputError(
+                f"{what}: {int(wrong.sum())} of {len(wrong)} predictions are no probabilities, the "
+                f"first {self.probability[wrong][0]}"
+            )
+
+    def __len__(self) -> int:
+        return len(self.success)
+
+    def save(self, path: str | PathLike[str], configuration: str) -> None:
+        """Write it as npz, whole or not at all, with what it was computed from."""
+        stream = io.BytesIO()
+        arrays: dict[str, Any] = dict(self.__dict__)
+        np.savez_compressed(stream, configuration=np.array(configuration), **arrays)
+        with atomic_write(path) as temporary:
+            temporary.write_bytes(stream.getvalue())
+
+    @classmethod
+    def load(cls, path: str | PathLike[str], configuration: str) -> Forecasts | None:
+        """Read what :meth:`save` wrote; None if there is none of this configuration.
+
+        Raises:
+            FormatError: if the file is something else.
+        """
+        path = Path(path)
+        if not path.exists():
+            return None
+        try:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
+                content: Mapping[str, Any] = dict(data)
+            if str(content["configuration"]) != configuration:
+                return None
+            names = ("protocol", "method", "principal", "gripper")
+            columns = ("probability", "success", "objects", "scenes")
+            named: dict[str, Any] = {n: str(content[n]) for n in names}
+            return cls(**named, **{c: content[c] for c in columns})
+        except Exception as error:  # those of zipfile, zlib and NumPy have no common base
+            raise FormatError(
+                path, f"is not a whole file of predictions ({error}); delete it and start again"
+            ) from error

@@ -1,0 +1,210 @@
+"""The methods that ``graspcast evaluate`` compares, by name.
+
+A method is a callable that answers a :class:`~graspcast.learning.protocols.Task`; as a frozen
+dataclass its ``repr`` states its settings, which reports record. To add one, put a factory that
+takes a seed into :data:`METHODS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from graspcast.consensus import consensus_features
+from graspcast.learning.blend import ForestSettings
+from graspcast.learning.lessons import Lessons
+from graspcast.learning.networks import one_hot
+from graspcast.learning.predictors import NetworkSettings
+from graspcast.learning.protocols import Method, Task
+from graspcast.learning.training import train_forecaster
+
+__all__ = ["METHODS", "ExtraTrees", "Majority", "PaperNetworks", "Threshold", "success_rates"]
+
+
+def success_rates(task: Task) -> Float[ndarray, " n"]:
+    """Each object's success rate in training; of an unknown object, that of all.
+
+    With one success and one failure added (Laplace).
+    """
+
+    def rate(success: ndarray) -> float:
+        return float((success.sum() + 1) / (len(success) + 2))
+
+    objects, success = task.train.objects, task.train.success
+    every = rate(success)
+    known = {str(name): rate(success[objects == name]) for name in np.unique(objects)}
+    return np.array([known.get(str(name), every) for name in task.test.objects])
+
+
+@dataclass(frozen=True)
+class Majority:
+    """Success rate of the object in training (of all, for an unknown object); sees no estimate."""
+
+    seed: int = 0
+
+    def __call__(self, task: Task) -> Float[ndarray, " n"]:
+        """Answer a task."""
+        return success_rates(task)
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """Threshold on ADD for each object (Shi et al., 2021), one for all where it is unknown."""
+
+    seed: int = 0
+
+    def __call__(self, task: Task) -> Float[ndarray, " n"]:
+        """Answer a task."""
+        forecaster = train_forecaster(task.train, method="threshold", models=task.models)
+        return forecaster.probability(task.test, task.models, unseen_objects=True)
+
+
+@dataclass(frozen=True)
+class PaperNetworks:
+    """The paper's networks and features after the last epoch, the mean of several seeds.
+
+    Without pooling, an object that has no network gets the success rate of all others.
+    """
+
+    pools_objects: bool
+    members: int = 5
+    epochs: int = 3000
+    seed: int = 0
+
+    def __call__(self, task: Task) -> Float[ndarray, " n"]:
+        """Answer a task."""
+        from graspcast.learning.mlp_training import MlpSettings
+
+        out = success_rates(task)
+        known = np.isin(task.test.objects, task.train.objects)
+        asked = known | self.pools_objects
+        if asked.any():
+            settings = NetworkSettings(
+                protocol="last",
+                members=self.members,
+                seed=self.seed,
+                optimiser=MlpSettings(epochs=self.epochs),
+            )
+            method = "MLP-O" if self.pools_objects else "MLP"
+            forecaster = train_forecaster(task.train, method=method, settings=settings)
+            out[asked] = forecaster.probability(task.test.select(asked), unseen_objects=True)
+        return out
+
+
+@dataclass(frozen=True)
+class ExtraTrees:
+    """Extra-Trees (Geurts et al., 2006) on the rich features and the object's one-hot vector."""
+
+    trees: int = 400
+    min_samples_leaf: int = 2
+    seed: int = 0
+
+    def __call__(self, task: Task) -> Float[ndarray, " n"]:
+        """Answer a task."""
+        from sklearn.ensemble import ExtraTreesClassifier
+
+        forest = ExtraTreesClassifier(
+            n_estimators=self.trees,
+            min_samples_leaf=self.min_samples_leaf,
+            random_state=self.seed,
+            n_jobs=1,
+        )
+        train, test = task.train.estimates, task.test
+        known = tuple(sorted(set(train.objects.tolist())))
+        table = []
+        for estimates in (train, test):
+            values = consensus_features(
+                estimates, task.principal, which="rich", models=task.models
+            ).values
+            # An unknown object is none of the known ones: a row of zeros.
+            names, seen = estimates.objects, np.isin(estimates.objects, known)
+            which = np.zeros((len(names), len(known)))
+            which[seen] = one_hot(names[seen].tolist(), known, "object")
+            table.append(np.concatenate([values, which], axis=1))
+        forest.fit(table[0], task.train.success)
+        probability = forest.predict_proba(table[1])
+        succeeds = np.flatnonzero(forest.classes_)
+        return probability[:, succeeds[0]] if len(succeeds) else np.zeros(len(test))
+
+
+@dataclass(frozen=True)
+class Forests:
+    """Forests, in the way that ``method`` names."""
+
+    method: str
+    simulates: ClassVar[bool] = True
+    """Whether it learns from one's own trials, so that what it is kept as depends on them."""
+    trees: int = 128
+    draws: int = 128
+    folds: int = 4
+    seed: int = 0
+
+    def __call__(self, task: Task) -> Float[ndarray, " n"]:
+        """Answer a task."""
+        settings = ForestSettings(
+            trees=self.trees, draws=self.draws, folds=self.folds, seed=self.seed
+        )
+        learned = lessons_of(task)
+        if self.method == "direct" and np.isnan(learned.success).all():
+            # It knows no simulation, so it passes on what the other gripper's outcomes taught.
+            learned = lessons_of(task, any_gripper=True)
+        elif np.isnan(learned.success).all() and learned.simulated is None:
+            return success_rates(task)
+        forecaster = train_forecaster(
+            learned, method=self.method, forests=settings, models=task.models
+        )
+        return forecaster.probability(task.test, task.models, unseen_objects=True)
+
+
+@dataclass(frozen=True)
+class Direct(Forests):
+    """The direct forest of the blend, calibrated."""
+
+    method: str = "direct"
+
+
+@dataclass(frozen=True)
+class TwoStage(Forests):
+    """Where the error may lie, and which errors the grasp forgives; calibrated."""
+
+    method: str = "two-stage"
+
+
+@dataclass(frozen=True)
+class Blended(Forests):
+    """The default: the average of direct forest and two stages, calibrated."""
+
+    method: str = "blend"
+
+
+def lessons_of(task: Task, *, any_gripper: bool = False) -> Lessons:
+    """All that a task gives to learn from."""
+    estimates = task.annotated
+    row = {key: i for i, key in enumerate(estimates.instances())}
+    success = np.full((len(estimates.estimators), len(estimates)), np.nan)
+    for samples in (task.train, *task.others):
+        if samples.gripper != task.gripper and not any_gripper:
+            continue
+        rows = [row[key] for key in samples.estimates.instances()]
+        success[estimates.index(samples.principal), rows] = samples.success
+    return Lessons(
+        estimates, task.principal, task.gripper, task.truth, success, simulated=task.borrowed
+    )
+
+
+METHODS: dict[str, Callable[[int], Method]] = {
+    "majority": lambda seed: Majority(seed=seed),
+    "threshold": lambda seed: Threshold(seed=seed),
+    "MLP": lambda seed: PaperNetworks(pools_objects=False, seed=seed),
+    "MLP-O": lambda seed: PaperNetworks(pools_objects=True, seed=seed),
+    "extra-trees": lambda seed: ExtraTrees(seed=seed),
+    "direct": lambda seed: Direct(seed=seed),
+    "two-stage": lambda seed: TwoStage(seed=seed),
+    "blend": lambda seed: Blended(seed=seed),
+}
+"""Name to a factory that takes a seed."""

@@ -1,0 +1,103 @@
+"""Scores of draws of scenes against plain scoring of rows that are repeated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from sklearn.metrics import roc_auc_score
+
+from graspcast.learning.forecasts import Forecasts
+from graspcast.learning.resampling import Resampled, draw_scenes
+from graspcast.learning.scores import BINS, bin_of, score
+
+SCENES = ["s0", "s1", "s2", "s3"]
+
+
+def forecasts(seed: int, n: int = 60, *, levels: int | None = 7) -> Forecasts:
+    """Few levels make ties common."""
+    rng = np.random.default_rng(seed)
+    probability = rng.random(n) if levels is None else rng.integers(levels, size=n) / (levels - 1)
+    return Forecasts(
+        "random_split",
+        "m",
+        "a",
+        "p",
+        probability,
+        rng.random(n) < 0.2 + 0.6 * probability,
+        np.array([f"d-{i}" for i in rng.integers(3, size=n)]),
+        np.array(SCENES)[rng.integers(len(SCENES), size=n)],
+    )
+
+
+def repeated(f: Forecasts, counts: np.ndarray) -> np.ndarray:
+    """The rows of a draw, by plain indexing."""
+    rows = [np.flatnonzero(f.scenes == s) for s, c in zip(SCENES, counts, strict=True) if c]
+    times = [c for c in counts if c]
+    return np.concatenate([np.tile(r, c) for r, c in zip(rows, times, strict=True)])
+
+
+@settings(max_examples=25)
+@given(
+    st.integers(0, 10_000),
+    st.lists(st.integers(0, 3), min_size=4, max_size=4).filter(any),
+    st.sampled_from([2, 7, None]),
+)
+def test_every_score_is_that_of_repeated_rows(
+    seed: int, counts: list[int], levels: int | None
+) -> None:
+    f = forecasts(seed, levels=levels)
+    draw = np.array([counts])
+    rows = repeated(f, draw[0])
+    expected = score(f.probability[rows], f.success[rows], f.objects[rows])
+    again = Resampled(f, SCENES, draw)
+    for name in ("accuracy", "auroc", "brier", "ece", "aurc"):
+        value = getattr(again, name)()
+        assert value.shape == (1,)
+        assert value[0] == pytest.approx(getattr(expected, name), abs=1e-12, nan_ok=True), name
+    assert again.mean(f.probability)[0] == pytest.approx(f.probability[rows].mean())
+
+
+def test_auroc_is_scikit_learns_with_repeated_rows_and_with_weights() -> None:
+    f = forecasts(3, n=200)
+    counts = draw_scenes(SCENES, 20, seed=1)
+    found = Resampled(f, SCENES, counts).auroc()
+    number = np.array([SCENES.index(s) for s in f.scenes])
+    for draw, value in zip(counts, found, strict=True):
+        rows = repeated(f, draw)
+        assert value == pytest.approx(roc_auc_score(f.success[rows], f.probability[rows]))
+        weight = draw[number]
+        assert value == pytest.approx(
+            roc_auc_score(f.success, f.probability, sample_weight=weight), abs=1e-12
+        )
+
+
+def test_success_in_bins_is_a_loop_over_rows() -> None:
+    f = forecasts(4)
+    draw = np.array([[1, 0, 2, 1]])
+    rows = repeated(f, draw[0])
+    number = bin_of(f.probability[rows])
+    found = Resampled(f, SCENES, draw).success_in_bins()[0]
+    for k in range(BINS):
+        mine = f.success[rows][number == k]
+        assert found[k] == pytest.approx(mine.mean() if len(mine) else np.nan, nan_ok=True)
+
+
+def test_a_draw_of_nothing_has_no_scores() -> None:
+    f = forecasts(0)
+    again = Resampled(f, SCENES, np.zeros((1, 4), np.int64))
+    for name in ("accuracy", "auroc", "brier", "ece", "aurc"):
+        assert np.isnan(getattr(again, name)()).all(), name
+
+
+def test_draws_are_of_as_many_scenes_and_repeatable() -> None:
+    counts = draw_scenes(SCENES, 4000, seed=2)
+    assert counts.shape == (4000, 4)
+    assert (counts.sum(axis=1) == 4).all()
+    assert (counts == draw_scenes(SCENES, 4000, seed=2)).all()
+    assert (counts != draw_scenes(SCENES, 4000, seed=3)).any()
+    # Each scene once on average, and absent in (3/4)^4 of the draws.
+    assert_allclose(counts.mean(axis=0), 1, atol=0.06)
+    assert_allclose((counts == 0).mean(axis=0), 0.75**4, atol=0.03)
