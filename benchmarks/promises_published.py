@@ -1,0 +1,105 @@
+"""Promises on the published data: certified on some scenes, held against others.
+
+    python benchmarks/promises_published.py --data DIR --work DIR
+
+The default forecaster's forecasts of scenes that it has not seen (those of ``graspcast evaluate``,
+protocol ``unseen_scenes``, whose ``--work`` directory is taken up) are dealt out at random again
+and again: half of the scenes (or of the images) certify a threshold, the other half is attempted at
+it. A promise is broken where the attempts' success rate falls below the promised one. Beside it the
+attempts, as a share of those of a perfect ranking, which could fill up with failures until the rate
+is just kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from graspcast.certification import certify
+from graspcast.cli.options import write_json
+from graspcast.learning.benchmark import Benchmark
+from graspcast.learning.forecast_run import forecast_all
+from graspcast.learning.forecasts import Forecasts
+from graspcast.learning.lessons import ErrorOutcomes
+from graspcast.learning.methods import METHODS
+from graspcast.published import Published
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    options.add_argument("--data", type=Path, required=True)
+    options.add_argument("--work", type=Path, required=True)
+    options.add_argument("--borrowed", type=Path, action="append", default=[])
+    options.add_argument("--rate", type=float, default=0.9)
+    options.add_argument("--confidence", type=float, default=0.9)
+    options.add_argument("--resamplings", type=int, default=300)
+    options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--json", type=Path)
+    given = options.parse_args()
+
+    data = Published(given.data)
+    grippers = data.outcomes["gripper"].unique().sort().to_list()
+    borrowed = {g: ErrorOutcomes.read(given.borrowed, g) for g in grippers if given.borrowed}
+    benchmark = Benchmark.of(data, borrowed=borrowed)
+    methods = {"blend": METHODS["blend"](given.seed)}
+    forecasts = forecast_all(benchmark, methods, ["unseen_scenes"], work=given.work)
+    images = [f"{d}/{s}/{i}" for d, s, i, *_ in benchmark.estimates.instances()]
+    print("| certified on | gripper | principal | no threshold | broken | attempted | of perfect |")
+    print("|---|---|---|---|---|---|---|")
+    found = []
+    for unit in ("scene", "image"):
+        for each in forecasts:
+            units = each.scenes if unit == "scene" else _images(benchmark, each, images)
+            row = _resample(each, units, given)
+            found.append(
+                {"unit": unit, "gripper": each.gripper, "principal": each.principal, **row}
+            )
+            cells = [f"{row[k]:.3f}" for k in ("none", "broken", "attempted", "of_perfect")]
+            print("| " + " | ".join([unit + "s", each.gripper, each.principal, *cells]) + " |")
+    write_json(given.json, found)
+
+
+def _images(benchmark: Benchmark, each: Forecasts, images: list[str]) -> np.ndarray:
+    """The image of every forecast: they are in the order of the protocol's tasks."""
+    from graspcast.learning.protocols import tasks
+
+    rows = [
+        benchmark.rows_of(judged.estimates)
+        for _, judged in tasks(benchmark, "unseen_scenes", each.principal, each.gripper)
+    ]
+    return np.array(images)[np.concatenate(rows)]
+
+
+def _resample(each: Forecasts, units: np.ndarray, given: argparse.Namespace) -> dict[str, float]:
+    random = np.random.default_rng(given.seed)
+    names = np.unique(units)
+    none, broken, attempted, perfect = [], [], [], []
+    for _ in range(given.resamplings):
+        half = np.isin(units, random.permutation(names)[: len(names) // 2])
+        promise = certify(
+            each.probability[half],
+            each.success[half],
+            units[half],
+            rate=given.rate,
+            confidence=given.confidence,
+            seed=given.seed,
+        ).overall
+        probability, success = each.probability[~half], each.success[~half]
+        possible = min(1.0, success.mean() / given.rate)
+        none.append(promise.threshold is None)
+        attempts = probability >= (np.inf if promise.threshold is None else promise.threshold)
+        broken.append(bool(attempts.any()) and success[attempts].mean() < given.rate)
+        attempted.append(attempts.mean())
+        perfect.append(attempts.mean() / possible)
+    return {
+        "none": float(np.mean(none)),
+        "broken": float(np.mean(broken)),
+        "attempted": float(np.mean(attempted)),
+        "of_perfect": float(np.mean(perfect)),
+    }
+
+
+if __name__ == "__main__":
+    main()
