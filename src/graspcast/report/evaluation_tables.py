@@ -85,9 +85,9 @@ def render_evaluation(found: Mapping[str, Any]) -> str:
         f"Means over principals; in brackets {100 * bootstrap['confidence']:.0f} % intervals of "
         f"{bootstrap['draws']} bootstrap draws of whole scenes (percentiles, less the draws' "
         "bias; one draw for all methods, so differences are paired). Accuracy is at a probability "
-        "of 0.5, averaged over objects; Brier, ECE and AURC are better if small. Net value is per "
-        "instance, in units of "
-        f"what a success gains, a failure costing {costs['failure']:g} and abstaining "
+        "of 0.5, averaged over objects; Brier, ECE and AURC are better if small. Net value "
+        "is per instance, in units of what a success gains, a failure costing "
+        f"{costs['failure']:g} and abstaining "
         f"{costs['abstention']:g}: attempts are made from a probability of "
         f"{costs['break_even']:.3f} on.",
         "\n".join(f"- `{name}`: {text}" for name, text in found["methods"].items()),
