@@ -161,7 +161,7 @@ def expected_survival(
     numbers: Int[ndarray, "n"],
     *,
     draws: int = 128,
-    trees: int = 24,
+    trees: int = 4,
 ) -> Float[ndarray, "n"]:
     """The probability of survival, averaged over where the truth may lie.
 
@@ -213,12 +213,12 @@ def _expected(
     s_feature, s_threshold, s_right, s_value, s_roots, objects, places, judges,
 ):  # fmt: skip
     trees, s_trees, draws = len(roots) - 1, len(s_roots) - 1, len(places)
+    stride = max(1, s_trees // judges)
     out = np.empty(len(rows))
     for i in prange(len(rows)):
-        inputs = np.zeros(8 + objects, dtype=np.float32)
-        inputs[8 + numbers[i]] = 1.0
+        inputs = np.zeros((draws, 8 + objects), dtype=np.float32)
+        inputs[:, 8 + numbers[i]] = 1.0
         turn = np.empty((3, 3))
-        total = 0.0
         for draw in range(draws):
             tree = draw % trees
             leaf = right[walk(rows[i], roots[tree], feature, threshold, right)] + offset[tree]
@@ -227,7 +227,7 @@ def _expected(
             # As in graspcast.rays.error_along; a rotation vector in the ray frame, turned about,
             # is that of the error in the object's.
             _exp(drawn[3:], turn)
-            A = axes[i]
+            A, row = axes[i], inputs[draw]
             for r in range(3):
                 back = 0.0
                 vector = 0.0
@@ -236,12 +236,16 @@ def _expected(
                     shifted = turn[0, c] * drawn[0] + turn[1, c] * drawn[1] + turn[2, c] * drawn[2]
                     back += A[r, c] * shifted
                     vector -= A[r, c] * drawn[3 + c]
-                inputs[r] = -distance[i] * back
-                inputs[3 + r] = vector
-            inputs[6] = np.sqrt(inputs[0] ** 2 + inputs[1] ** 2 + inputs[2] ** 2)
-            inputs[7] = np.sqrt(inputs[3] ** 2 + inputs[4] ** 2 + inputs[5] ** 2)
-            for j in range(judges):
-                judge = (draw * judges + j) % s_trees
-                total += s_value[walk(inputs, s_roots[judge], s_feature, s_threshold, s_right)]
-        out[i] = total / (draws * judges)
+                row[r] = -distance[i] * back
+                row[3 + r] = vector
+            row[6] = np.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
+            row[7] = np.sqrt(row[3] ** 2 + row[4] ** 2 + row[5] ** 2)
+        # Tree by tree, so that its nodes stay in the cache.
+        total, count = 0.0, 0
+        for judge in range(s_trees):
+            for draw in range(judge % stride, draws, stride):
+                node = walk(inputs[draw], s_roots[judge], s_feature, s_threshold, s_right)
+                total += s_value[node]
+                count += 1
+        out[i] = total / count
     return out
