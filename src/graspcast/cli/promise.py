@@ -87,8 +87,8 @@ def _add_certify(verbs: Verbs) -> None:
         metavar="SHARE",
         type=share,
         default=0.0,
-        help="spend this share of the units on where testing should start (default: 0: testing "
-        "starts at and around the target rate, which suits a calibrated forecaster)",
+        help="spend this share of the units on where testing should start (default: 0; it starts "
+        "where the model's forecasts of training scenes kept apart say, or around the target rate)",
     )
     verb.add_argument("--seed", metavar="N", type=int, default=0, help="of the draws")
     verb.add_argument(
@@ -160,7 +160,7 @@ def _certify(options: argparse.Namespace) -> None:
     from graspcast.inputs import load_outcomes
     from graspcast.learning.forecaster import Forecaster
     from graspcast.learning.samples import join
-    from graspcast.thresholds import explore
+    from graspcast.thresholds import explore, learn_sequence
 
     forecaster = Forecaster.load(options.model)
     card = forecaster.card
@@ -180,9 +180,25 @@ def _certify(options: argparse.Namespace) -> None:
     units = unit_names(samples.estimates, options.unit)
     objects = samples.objects if options.per_object else None
     settings = {"rate": options.rate, "confidence": options.confidence, "weight": options.weight}
-    sequence, kept = explore(
-        probability, samples.success, units, spend=options.explore, seed=options.seed, **settings
-    )
+    apart = getattr(forecaster.predictor, "apart", None)
+    if options.explore or apart is None:
+        sequence, kept = explore(
+            probability,
+            samples.success,
+            units,
+            spend=options.explore,
+            seed=options.seed,
+            **settings,
+        )
+    else:
+        kept = np.ones(len(units), dtype=bool)
+        sequence = learn_sequence(
+            apart.probability,
+            apart.success,
+            apart.units(options.unit),
+            calibration_units=len(np.unique(units)),
+            **settings,
+        )
     promises = certify(
         probability[kept],
         samples.success[kept],

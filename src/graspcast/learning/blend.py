@@ -17,16 +17,13 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.bop.models import Models
-from graspcast.consensus import consensus_features
+from graspcast.certification import unit_names
 from graspcast.errors import InputError
-from graspcast.geometry import compose, invert
+from graspcast.learning.apart import Apart
 from graspcast.learning.forests import Forest, flatten
+from graspcast.learning.lesson_table import LessonTable
 from graspcast.learning.lessons import Lessons
-from graspcast.learning.predictors import UNSEEN
-from graspcast.learning.samples import scene_groups
 from graspcast.learning.two_stage import ErrorModel, Survival, expected_survival
-from graspcast.pose_error import nearest_symmetric
-from graspcast.rays import relative
 
 __all__ = ["Blend", "ForestSettings"]
 
@@ -73,6 +70,7 @@ class Blend:
         columns: The error model's inputs among the features; the ray frame's nine; the distance.
         calibration: Slope and shift of the log-odds, for the average and for two stages alone,
             (2, 2).
+        apart: What the calibration was learned from.
     """
 
     direct: Forest | None
@@ -85,6 +83,7 @@ class Blend:
     draws: int
     columns: Int[ndarray, "c"]
     calibration: Float[ndarray, "2 2"]
+    apart: Apart | None = None
 
     @classmethod
     def fit(
@@ -102,7 +101,7 @@ class Blend:
             InputError: if there is neither ground truth for two stages nor outcomes for the direct
                 forest.
         """
-        table = _Table.of(lessons, objects, models)
+        table = LessonTable.of(lessons, objects, models)
         groups = np.unique(table.groups)
         folds = min(settings.folds, len(groups))
         steps = folds + 1
@@ -124,9 +123,15 @@ class Blend:
             if progress is not None:
                 progress((fold + 2) / steps)
         own = table.success[table.principal]
-        return replace(
-            blend, calibration=np.stack([_calibrate(each, own, part) for each in forecasts])
+        calibration = np.stack([_calibrate(each, own) for each in forecasts])
+        told = np.flatnonzero(~np.isnan(forecasts[0]))
+        slope, shift = calibration[0]
+        apart = Apart(
+            _expit(slope * _logit(forecasts[0, told]) + shift),
+            own[told] == 1,
+            unit_names(lessons.estimates.select(told), "image"),
         )
+        return replace(blend, calibration=calibration, apart=apart)
 
     def raw(
         self, features: Float[ndarray, "n d"], numbers: Int[ndarray, "n"]
@@ -172,6 +177,8 @@ class Blend:
         plain = ("estimator", "tried", "known", "columns", "calibration")
         out = {name: getattr(self, name) for name in plain}
         out |= {"weight": np.array(self.weight), "draws": np.array(self.draws)}
+        if self.apart is not None:
+            out |= self.apart.to_arrays()
         if self.direct is not None:
             out |= self.direct.to_arrays("direct")
         if self.errors is not None and self.survival is not None:
@@ -198,86 +205,11 @@ class Blend:
             int(arrays["draws"]),
             arrays["columns"],
             arrays["calibration"],
+            Apart.from_arrays(arrays) if "apart/image" in arrays else None,
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _Table:
-    """Lessons as numbers: for each estimator as the one that guides, its features and outcomes."""
-
-    principal: int
-    names: tuple[str, ...]
-    features: Float[ndarray, "k n d"]
-    success: Float[ndarray, "k n"]
-    truth: Float[ndarray, "k n 6"]
-    obj_T_est: Float[ndarray, "k n 4 4"]
-    numbers: Int[ndarray, "n"]
-    groups: ndarray
-    objects: int
-    simulated: tuple[ndarray, ndarray, ndarray] | None
-
-    @property
-    def own(self) -> Float[ndarray, "n d"]:
-        """The principal's features."""
-        return self.features[self.principal]
-
-    @property
-    def samples(self) -> Bool[ndarray, "n"]:
-        """Which instances have an outcome of the principal's."""
-        return ~np.isnan(self.success[self.principal])
-
-    @classmethod
-    def of(cls, lessons: Lessons, objects: Sequence[str], models: Mapping[str, Models]) -> _Table:
-        estimates = lessons.estimates
-        number = {name: i for i, name in enumerate(objects)}
-        # What has neither outcomes nor simulated trials still shows how estimators err.
-        numbers = np.array(
-            [number.get(name, UNSEEN) for name in estimates.objects.tolist()], dtype=np.int64
-        )
-        names: tuple[str, ...] = ()
-        features, truths, errors = [], [], []
-        for name in estimates.estimators:
-            found = consensus_features(estimates, name, which="full", models=models)
-            names = found.names if name == lessons.principal else names
-            features.append(found.values)
-            poses = estimates.of(name)
-            # A turn by a symmetry is no error.
-            est_T_true = compose(invert(poses), lessons.truth)
-            for key in set(zip(estimates.dataset.tolist(), estimates.obj_id.tolist(), strict=True)):
-                mine = (estimates.dataset == key[0]) & (estimates.obj_id == key[1])
-                mine &= lessons.has_truth
-                symmetries = models[key[0]][key[1]].symmetries
-                est_T_true[mine] = nearest_symmetric(est_T_true[mine], symmetries)
-            near = compose(poses, est_T_true)
-            truths.append(np.full((len(near), 6), np.nan))
-            truths[-1][lessons.has_truth] = relative(
-                poses[lessons.has_truth], near[lessons.has_truth]
-            )
-            errors.append(invert(est_T_true))
-        simulated = None
-        if lessons.simulated is not None:
-            mine = np.isin(lessons.simulated.objects, list(number))
-            trials = lessons.simulated.select(mine)
-            simulated = (
-                trials.obj_T_est,
-                np.array([number[name] for name in trials.objects.tolist()], dtype=np.int64),
-                trials.success,
-            )
-        return cls(
-            estimates.index(lessons.principal),
-            names,
-            np.stack(features),
-            lessons.success,
-            np.stack(truths),
-            np.stack(errors),
-            numbers,
-            scene_groups(estimates),
-            len(objects),
-            simulated,
-        )
-
-
-def _grow(table: _Table, rows: Bool[ndarray, "n"], settings: ForestSettings) -> Blend:
+def _grow(table: LessonTable, rows: Bool[ndarray, "n"], settings: ForestSettings) -> Blend:
     """Forests of some of the instances, not calibrated."""
     count = table.objects
     k = len(table.success)
@@ -360,7 +292,7 @@ def _expit(x: ndarray) -> ndarray:
     return np.asarray(1 / (1 + np.exp(-x)))
 
 
-def _calibrate(forecast: ndarray, outcome: ndarray, part: ndarray) -> Float[ndarray, "2"]:
+def _calibrate(forecast: ndarray, outcome: ndarray) -> Float[ndarray, "2"]:
     """Slope and shift of the log-odds; none where outcomes are too few or all alike."""
     from sklearn.linear_model import LogisticRegression
 

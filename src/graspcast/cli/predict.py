@@ -1,0 +1,167 @@
+"""The verb that turns estimates into verdicts: ``predict``."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from graspcast.cli.console import note, print_text
+from graspcast.cli.options import Verbs, add_inputs, add_out, add_verb, inputs_of, share
+from graspcast.errors import MismatchError
+
+if TYPE_CHECKING:
+    from graspcast.inputs import Inputs
+    from graspcast.learning.forecaster import Forecaster
+    from graspcast.verdict import VerdictRow
+
+__all__ = ["add_verbs"]
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Add this module's verb."""
+    verb = add_verb(
+        verbs,
+        "predict",
+        _predict,
+        "verdicts on estimates",
+        "Write a verdict on every instance of the principal's: attempt or abstain. Where a\n"
+        "supporter has no estimate there is no forecast, and the verdict is to abstain.",
+    )
+    add_inputs(verb)
+    verb.add_argument(
+        "--model",
+        metavar="PATH",
+        type=Path,
+        action="append",
+        required=True,
+        help="from train; further ones, trained with fewer supporters, stand in where one is "
+        "missing",
+    )
+    verb.add_argument(
+        "--threshold",
+        metavar="P",
+        type=share,
+        help="attempt at this probability or above it (default: 0.5)",
+    )
+    verb.add_argument(
+        "--promise",
+        metavar="PATH",
+        type=Path,
+        action="append",
+        default=[],
+        help="from certify: its threshold instead; one for each model",
+    )
+    verb.add_argument(
+        "--strange",
+        metavar="P",
+        type=share,
+        default=0.01,
+        help="abstain where a disagreement is so unusual that training has at most this share of "
+        "such; 0 trusts every forecast (default: 0.01)",
+    )
+    verb.add_argument(
+        "--explain", action="store_true", help="say in each reason what moved the probability most"
+    )
+    add_out(verb, "the verdicts' CSV")
+
+
+def _predict(options: argparse.Namespace) -> None:
+    from graspcast.fallback import Fallbacks
+    from graspcast.learning.forecaster import Forecaster
+    from graspcast.verdict import write_verdicts
+
+    models = Fallbacks(Forecaster.load(path) for path in options.model)
+    terms = _Terms(options)
+    inputs = inputs_of(options)
+    if len(inputs.results) > 1:
+        raise MismatchError(
+            f"verdicts are of one dataset, but there are estimates of {', '.join(inputs.results)}"
+        )
+    answered: dict[tuple[int, int, int, int], VerdictRow] = {}
+    usable = models.usable(inputs.estimators)
+    for forecaster in usable:
+        for key, row in _verdicts(forecaster, inputs, terms, options, len(usable) > 1):
+            if key not in answered or answered[key].verdict.probability is None:
+                answered[key] = row
+    rows = [answered[key] for key in sorted(answered)]
+    write_verdicts(options.out, rows)
+    for text in dict.fromkeys(inputs.notes):
+        note(text)
+    attempts = sum(row.verdict.attempt for row in rows)
+    strange = sum(row.verdict.unfamiliar for row in rows)
+    print_text(
+        f"{options.out}: {len(rows)} verdicts, {attempts} to attempt"
+        + (f", {strange} unfamiliar" if strange else "")
+    )
+    for text in terms.promised:
+        print_text(text)
+
+
+class _Terms:
+    """Which threshold each model's forecasts are held to: a number, or a promise's."""
+
+    def __init__(self, options: argparse.Namespace):
+        from graspcast.errors import InputError
+        from graspcast.promise import Promises
+
+        if options.promise and options.threshold is not None:
+            raise InputError("--promise brings its own threshold: leave out --threshold")
+        self.threshold = 0.5 if options.threshold is None else options.threshold
+        self.promises = {
+            promises.provenance.get("model"): promises
+            for promises in map(Promises.load, options.promise)
+        }
+        self.promised: list[str] = []
+
+    def of(self, forecaster: Forecaster) -> tuple[float | None, str | None]:
+        """Threshold and promise for a model's forecasts.
+
+        Raises:
+            MismatchError: if there are promises but none was made for this model.
+        """
+        if not self.promises:
+            return self.threshold, None
+        card = forecaster.card
+        if card.digest not in self.promises:
+            raise MismatchError(
+                f"no promise was made for the model with {', '.join(card.supporters)}: certify it, "
+                "and give its --promise too"
+            )
+        promise = self.promises[card.digest].overall
+        self.promised.append(str(promise))
+        return promise.threshold, str(promise)
+
+
+def _verdicts(
+    forecaster: Forecaster,
+    inputs: Inputs,
+    terms: _Terms,
+    options: argparse.Namespace,
+    says_which: bool,
+) -> Iterator[tuple[tuple[int, int, int, int], VerdictRow]]:
+    """The verdict of one model on every instance, by scene, image, object and instance."""
+    from dataclasses import replace
+
+    from graspcast.verdict import decide, verdict_rows
+
+    card = forecaster.card
+    estimates = inputs.estimates(card.principal, only=(card.principal, *card.supporters))
+    threshold, promise = terms.of(forecaster)
+    count = len(estimates)
+    moved = forecaster.explain(estimates, inputs.models) if options.explain else [()] * count
+    found = zip(
+        forecaster.probability(estimates, inputs.models).tolist(),
+        forecaster.p_value(estimates).tolist(),
+        moved,
+        strict=True,
+    )
+    verdicts = [
+        decide(p, threshold, promise=promise, p_value=usual, strange=options.strange, moved=why)
+        for p, usual, why in found
+    ]
+    if says_which:
+        told = f"; with {', '.join(card.supporters)}"
+        verdicts = [replace(verdict, reason=verdict.reason + told) for verdict in verdicts]
+    yield from verdict_rows(estimates, verdicts, card.gripper)

@@ -1,0 +1,113 @@
+"""Lessons as numbers, ready for forests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from graspcast.bop.models import Models
+from graspcast.consensus import consensus_features
+from graspcast.geometry import compose, invert
+from graspcast.learning.lessons import Lessons
+from graspcast.learning.predictors import UNSEEN
+from graspcast.learning.samples import scene_groups
+from graspcast.pose_error import nearest_symmetric
+from graspcast.rays import relative
+
+__all__ = ["LessonTable"]
+
+
+@dataclass(frozen=True, eq=False)
+class LessonTable:
+    """Lessons as numbers: for each estimator as the one that guides, its features and outcomes.
+
+    Attributes:
+        principal: The number of the principal among the estimators.
+        names: Of the principal's features.
+        features: The set ``full`` with each estimator in turn as the principal, (K, n, d).
+        success: 1, 0, or NaN, (K, n).
+        truth: Where the truth lies in each estimate's ray frame, NaN where unknown, (K, n, 6).
+        obj_T_est: The errors, (K, n, 4, 4); a turn by a symmetry is none.
+        numbers: Each instance's object, -1 for one that is not among the objects, (n,).
+        groups: Each instance's scene (or block of frames), (n,).
+        objects: How many objects there are.
+        simulated: Errors, objects and outcomes of simulated trials of these objects.
+    """
+
+    principal: int
+    names: tuple[str, ...]
+    features: Float[ndarray, "k n d"]
+    success: Float[ndarray, "k n"]
+    truth: Float[ndarray, "k n 6"]
+    obj_T_est: Float[ndarray, "k n 4 4"]
+    numbers: Int[ndarray, "n"]
+    groups: ndarray
+    objects: int
+    simulated: tuple[ndarray, ndarray, ndarray] | None
+
+    @property
+    def own(self) -> Float[ndarray, "n d"]:
+        """The principal's features."""
+        return self.features[self.principal]
+
+    @property
+    def samples(self) -> Bool[ndarray, "n"]:
+        """Which instances have an outcome of the principal's."""
+        return ~np.isnan(self.success[self.principal])
+
+    @classmethod
+    def of(
+        cls, lessons: Lessons, objects: Sequence[str], models: Mapping[str, Models]
+    ) -> LessonTable:
+        """Look up everything once, for all the forests that will be grown from parts of it."""
+        estimates = lessons.estimates
+        number = {name: i for i, name in enumerate(objects)}
+        # What has neither outcomes nor simulated trials still shows how estimators err.
+        numbers = np.array(
+            [number.get(name, UNSEEN) for name in estimates.objects.tolist()], dtype=np.int64
+        )
+        names: tuple[str, ...] = ()
+        features, truths, errors = [], [], []
+        for name in estimates.estimators:
+            found = consensus_features(estimates, name, which="full", models=models)
+            names = found.names if name == lessons.principal else names
+            features.append(found.values)
+            poses = estimates.of(name)
+            # A turn by a symmetry is no error.
+            est_T_true = compose(invert(poses), lessons.truth)
+            for key in set(zip(estimates.dataset.tolist(), estimates.obj_id.tolist(), strict=True)):
+                mine = (estimates.dataset == key[0]) & (estimates.obj_id == key[1])
+                mine &= lessons.has_truth
+                symmetries = models[key[0]][key[1]].symmetries
+                est_T_true[mine] = nearest_symmetric(est_T_true[mine], symmetries)
+            near = compose(poses, est_T_true)
+            truths.append(np.full((len(near), 6), np.nan))
+            truths[-1][lessons.has_truth] = relative(
+                poses[lessons.has_truth], near[lessons.has_truth]
+            )
+            errors.append(invert(est_T_true))
+        simulated = None
+        if lessons.simulated is not None:
+            mine = np.isin(lessons.simulated.objects, list(number))
+            trials = lessons.simulated.select(mine)
+            simulated = (
+                trials.obj_T_est,
+                np.array([number[name] for name in trials.objects.tolist()], dtype=np.int64),
+                trials.success,
+            )
+        return cls(
+            estimates.index(lessons.principal),
+            names,
+            np.stack(features),
+            lessons.success,
+            np.stack(truths),
+            np.stack(errors),
+            numbers,
+            scene_groups(estimates),
+            len(objects),
+            simulated,
+        )
