@@ -155,9 +155,12 @@ class Forests:
             learned = lessons_of(task, any_gripper=True)
         elif np.isnan(learned.success).all() and learned.simulated is None:
             return success_rates(task)
-        forecaster = train_forecaster(
-            learned, method=self.method, forests=settings, models=task.models
-        )
+        method = self.method
+        if method == "blend" and learned.simulated is not None and task.left_out is not None:
+            # Of what is left out the direct forest knows nothing, so that the blend's answer is
+            # that of two stages: no need to grow it.
+            method = "two-stage"
+        forecaster = train_forecaster(learned, method=method, forests=settings, models=task.models)
         return forecaster.probability(task.test, task.models, unseen_objects=True)
 
 
