@@ -64,3 +64,16 @@ def test_own_outcomes_are_asked_for(data_dir: Path, capsys: pytest.CaptureFixtur
     command = ["evaluate", "--data", str(data_dir), "--methods", "majority"]
     assert main([*command, "--protocols", "unseen_object_simulated"]) == 2
     assert "give its directory with --outcomes" in capsys.readouterr().err
+
+
+def test_own_outcomes_that_are_the_published_ones_give_the_same_table(
+    data_dir: Path, tmp_path: Path
+) -> None:
+    target = tmp_path / "out.json"
+    command = ["evaluate", "--data", str(data_dir), "--methods", "majority", "--bootstrap", "20"]
+    command += ["--protocols", "unseen_object", "unseen_object_simulated", "--json", str(target)]
+    for dataset in ("lmo", "ycbv"):
+        command += ["--outcomes", str(data_dir / "published" / dataset / "trials.csv")]
+    assert main(command) == 0
+    found = json.loads(target.read_text())["evaluate"]
+    assert found["unseen_object"] == found["unseen_object_simulated"]

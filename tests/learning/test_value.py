@@ -14,7 +14,7 @@ costs = st.builds(Costs, st.floats(0, 20), st.floats(0, 5))
 
 
 def test_net_value_by_hand() -> None:
-    price = Costs(failure=3, abstention=1)
+    price = Costs(failure=3.0, abstention=1.0)
     assert price.break_even == pytest.approx(0.5)
     probability = np.array([0.9, 0.5, 0.4, 0.1])
     success = np.array([True, False, True, False])
@@ -25,7 +25,7 @@ def test_net_value_by_hand() -> None:
     assert never.tolist() == [-1, -1, -1, -1]
     assert perfect.tolist() == [1, -1, 1, -1]
     # Where a failure costs less than abstaining, even certain failures are attempted.
-    assert Costs(0.5, 1).references(success)["perfect"].tolist() == [1, -0.5, 1, -0.5]
+    assert Costs(0.5, 1.0).references(success)["perfect"].tolist() == [1, -0.5, 1, -0.5]
 
 
 @given(st.floats(0.01, 10), st.integers(0, 1000))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -102,6 +102,7 @@ class Task:
         return self._look_up(estimates)
 
 
+@runtime_checkable
 class Method(Protocol):
     """Learns from a task and answers it."""
 
