@@ -14,7 +14,16 @@ from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates import Estimates
 from graspcast.learning.benchmark import Benchmark, _true_poses
-from graspcast.learning.methods import METHODS, ExtraTrees, Majority, PaperNetworks, Threshold
+from graspcast.learning.methods import (
+    METHODS,
+    Blended,
+    Direct,
+    ExtraTrees,
+    Majority,
+    PaperNetworks,
+    Threshold,
+    TwoStage,
+)
 from graspcast.learning.protocols import PROTOCOLS, Method, Task, forecast, tasks
 from graspcast.learning.samples import Samples
 from graspcast.learning.scores import score
@@ -27,6 +36,9 @@ QUICK: dict[str, Method] = {
     "MLP": PaperNetworks(pools_objects=False, members=1, epochs=20),
     "MLP-O": PaperNetworks(pools_objects=True, members=1, epochs=20),
     "extra-trees": ExtraTrees(trees=20),
+    "direct": Direct(trees=8, draws=8, folds=2),
+    "two-stage": TwoStage(trees=8, draws=8, folds=2),
+    "blend": Blended(trees=8, draws=8, folds=2),
 }
 
 

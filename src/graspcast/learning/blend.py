@@ -18,7 +18,7 @@ from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.certification import unit_names
-from graspcast.errors import InputError
+from graspcast.errors import InputError, MismatchError
 from graspcast.learning.apart import Apart
 from graspcast.learning.forests import Forest, flatten
 from graspcast.learning.lesson_table import LessonTable
@@ -166,8 +166,17 @@ class Blend:
     def probability(
         self, features: Float[ndarray, "n d"], objects: Int[ndarray, "n"]
     ) -> Float[ndarray, "n"]:
-        """Probability of success of each row."""
+        """Probability of success of each row.
+
+        Raises:
+            MismatchError: for two stages alone, of an object without outcomes or simulated trials.
+        """
         mixed, _ = self.raw(features, objects)
+        if np.isnan(mixed).any():
+            raise MismatchError(
+                "two stages cannot answer for an object without outcomes or simulated trials: give "
+                "some (train --simulated), or use the method blend"
+            )
         alone = (objects < 0) | ~self.tried[objects]
         slope, shift = self.calibration[alone.astype(int)].T
         return _expit(slope * _logit(mixed) + shift)
