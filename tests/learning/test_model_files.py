@@ -126,7 +126,7 @@ def test_no_part_of_a_file_with_forests_is_taken_for_a_model(
     with np.load(path) as file:
         arrays = dict(file)
     needed = [
-        *(f"predictor/{part}/feature" for part in ("direct", "errors", "survival")),
+        *(f"predictor/{part}/feature" for part in ("direct", "errors/f", "survival")),
         "predictor/errors/members",
         "predictor/calibration",
         "familiarity/scores",
