@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from itertools import product
 
@@ -11,6 +12,7 @@ import polars as pl
 from graspcast.bop.models import Models
 from graspcast.estimates import Estimates
 from graspcast.learning.benchmark import Benchmark
+from graspcast.learning.lessons import ErrorOutcomes, Lessons
 from graspcast.learning.samples import Samples
 from poses import nudged, random_poses
 
@@ -85,3 +87,32 @@ def benchmark(models: Mapping[str, Models], n: int = 120, *, simulated: bool = T
         reported=given.im_id % 3 == 0,
         simulated=outcomes_of(given, seed=5) if simulated else None,
     )
+
+
+def true_poses(n: int, seed: int = 0) -> np.ndarray:
+    """What :func:`estimates` of the same number and seed are estimates of."""
+    return random_poses(n, seed)
+
+
+def lessons(n: int = 120, *, seed: int = 0, **options: object) -> Lessons:
+    """Grasps guided by any estimator hold where its error is below 20 mm along the object's x."""
+    given = estimates(n, seed=seed, **options)  # type: ignore[arg-type]
+    truth = true_poses(n, seed)
+    # The principal errs where the others disagree with it, so that there is something to learn.
+    poses = given.cam_T_obj.copy()
+    far = np.linalg.norm(poses[0, :, :3, 3] - poses[1, :, :3, 3], axis=-1) > 0.02
+    poses[0, far] = nudged(poses[0, far], seed + 77, metres=0.05, radians=0.4)
+    given = dataclasses.replace(given, cam_T_obj=poses)
+    error = np.linalg.inv(truth) @ given.cam_T_obj
+    return Lessons(given, given.estimators[0], "parallel", truth, holds(error).astype(float))
+
+
+def holds(obj_T_est: np.ndarray) -> np.ndarray:
+    """Which errors the made-up grasp forgives."""
+    return np.abs(obj_T_est[..., 0, 3]) < 0.02
+
+
+def error_outcomes(n: int, name: str, *, seed: int = 0) -> ErrorOutcomes:
+    """Simulated trials of an object by random errors."""
+    error = nudged(np.tile(np.eye(4), (n, 1, 1)), seed, metres=0.03, radians=0.2)
+    return ErrorOutcomes(np.full(n, name), error, holds(error))

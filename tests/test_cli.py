@@ -222,7 +222,7 @@ def test_models_of_other_estimators_or_objects(
 ) -> None:
     assert main(train(world, "--folds", "0")) == 0
     said = refused(predict(world, names="ab"), capsys)
-    assert "needs estimates by a (principal) and b, c, but there are none by c" in said
+    assert "there are no estimates by c for the model with 2 supporters; given: a, b" in said
     for name in "abc":
         path = world / f"{name}_made-test.csv"
         write_results(path, results_of(random_poses(5), obj_id=2))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -152,8 +153,34 @@ def test_ray_features(models: dict[str, Models]) -> None:
     assert_allclose(view, camera / np.linalg.norm(camera, axis=-1, keepdims=True), atol=1e-9)
 
 
+def test_full_adds_to_rich_what_does_not_depend_on_the_objects_frame(
+    models: dict[str, Models],
+) -> None:
+    estimates = three()
+    rich = consensus_features(estimates, "a", which="rich", models=models)
+    full = consensus_features(estimates, "a", which="full", models=models)
+    count = len(rich.names)
+    assert full.names[:count] == rich.names
+    assert_array_equal(full.values[:, :count], rich.values)
+    other = random_poses(1, 5)[0]
+    poses = estimates.cam_T_obj @ other  # another frame with another origin
+    poses[..., :3, 3] = estimates.cam_T_obj[..., :3, 3]  # and then the same origin
+    turned = consensus_features(
+        dataclasses.replace(estimates, cam_T_obj=poses), "a", which="full", models=models
+    )
+    for name in full.names[count:]:
+        same = np.allclose(column(turned, name), column(full, name), rtol=0, atol=1e-9)
+        assert same != name.startswith("axis_"), name
+    along, rel = column(full, "shift_z.b"), column(full, "ray_rel.b")
+    assert_allclose(along, rel, atol=1e-12)
+    assert_allclose(np.hypot(column(full, "shift_x.b"), column(full, "shift_y.b")),
+                    column(full, "across_rel.b"), atol=1e-12)  # fmt: skip
+    middle = np.median([np.zeros(8), column(full, "turn_y.b"), column(full, "turn_y.c")], axis=0)
+    assert_array_equal(column(full, "mid_turn_y"), middle)
+
+
 def test_every_column_is_described_once(models: dict[str, Models]) -> None:
-    for which, count in (("paper", 12), ("rich", 2 * 11 + 3 + 6)):
+    for which, count in (("paper", 12), ("rich", 31), ("full", 31 + 2 * 6 + 6 + 9)):
         features = consensus_features(three(), "a", which=which, models=models)  # type: ignore[arg-type]
         assert features.values.shape == (8, count)
         assert len(set(features.names)) == count
@@ -177,7 +204,7 @@ def test_missing_models_and_names(models: dict[str, Models]) -> None:
         consensus_features(three(obj_id=7), "a", which="rich", models=models)
     with pytest.raises(UnknownNameError, match="unknown estimator 'z'"):
         consensus_features(three(), "z")
-    with pytest.raises(UnknownNameError, match="known: paper, rich"):
+    with pytest.raises(UnknownNameError, match="known: paper, rich, full"):
         consensus_features(three(), "a", which="poor")  # type: ignore[arg-type]
 
 

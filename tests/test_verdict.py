@@ -25,7 +25,7 @@ def test_attempt_at_the_threshold_or_above(probability: float, threshold: float)
 
 
 def test_the_reason_states_both_numbers() -> None:
-    assert decide(0.75, 0.75) == Verdict(True, 0.75, "probability 0.750 >= 0.75")
+    assert decide(0.75, 0.75) == Verdict(True, 0.75, "probability 0.750 >= 0.75", 0.75)
     assert decide(0.7499, 0.75).reason == "probability 0.750 < 0.75"
     assert decide(0.1, 0.5).reason == "probability 0.100 < 0.5"
 

@@ -10,26 +10,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 import synthetic
 from graspcast._version import __version__
 from graspcast.bop.models import Models
-from graspcast.errors import FormatError, InputError, MismatchError, UnknownNameError
-from graspcast.learning import forecaster as module
-from graspcast.learning.forecaster import (
-    METHODS,
-    Card,
-    Forecaster,
-    cross_validate,
-    train_forecaster,
-)
+from graspcast.errors import InputError, MismatchError, UnknownNameError
+from graspcast.learning import training as module
+from graspcast.learning.card import Card
+from graspcast.learning.forecaster import KINDS, Forecaster
+from graspcast.learning.lessons import Lessons
 from graspcast.learning.mlp_training import MlpSettings
 from graspcast.learning.predictors import NetworkSettings
 from graspcast.learning.samples import Samples, scene_groups
 from graspcast.learning.scores import score
+from graspcast.learning.training import cross_validate, train_forecaster
 from graspcast.published import Published
 from poses import write_models
 
@@ -109,14 +104,15 @@ def test_the_order_of_estimators_and_others_beside_them_change_nothing(
 
 def test_training_does_not_depend_on_the_order_of_estimators_but_on_the_principal() -> None:
     samples = synthetic.samples()
-    one = train_forecaster(samples, settings=SHORT)
+    one = train_forecaster(samples, method="MLP-O", settings=SHORT)
     other = dataclasses.replace(samples, principal="b")
-    two = train_forecaster(other, settings=SHORT)
+    two = train_forecaster(other, method="MLP-O", settings=SHORT)
     assert two.card.supporters == ("a", "c")
     unseen = synthetic.estimates(20, seed=5)
     assert (one.probability(unseen) != two.probability(unseen)).any()
     assert_array_equal(
-        train_forecaster(samples, settings=SHORT).probability(unseen), one.probability(unseen)
+        train_forecaster(samples, method="MLP-O", settings=SHORT).probability(unseen),
+        one.probability(unseen),
     )
 
 
@@ -124,7 +120,8 @@ def test_training_does_not_depend_on_the_order_of_estimators_but_on_the_principa
 
 
 def card(samples: Samples, **options: Any) -> Card:
-    return train_forecaster(samples, settings=dataclasses.replace(SHORT, members=1), **options).card
+    options = {"method": "MLP-O", "settings": dataclasses.replace(SHORT, members=1)} | options
+    return train_forecaster(samples, **options).card
 
 
 def test_the_card_says_what_it_was_made_of(models: dict[str, Models]) -> None:
@@ -209,7 +206,7 @@ def test_what_is_no_pose_or_no_probability_is_refused(
 
 def test_what_cannot_be_trained_on_is_refused() -> None:
     samples = synthetic.samples(40)
-    with pytest.raises(UnknownNameError, match=f"unknown method 'MLP-G'.*{', '.join(METHODS)}"):
+    with pytest.raises(UnknownNameError, match=f"unknown method 'MLP-G'.*{', '.join(KINDS)}"):
         train_forecaster(samples, method="MLP-G")
     with pytest.raises(InputError, match=r"9 samples with . successes are too few"):
         train_forecaster(samples.select(np.arange(9)))
@@ -218,90 +215,9 @@ def test_what_cannot_be_trained_on_is_refused() -> None:
         with pytest.raises(InputError, match="with both outcomes"):
             train_forecaster(alike)
     with pytest.raises(InputError, match="validated or last, not 'paper'"):
-        train_forecaster(samples, settings=dataclasses.replace(SHORT, protocol="paper"))
-
-
-# --- Damaged files --------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def whole(
-    trained: dict[tuple[str, str], Forecaster], tmp_path_factory: pytest.TempPathFactory
-) -> bytes:
-    path = tmp_path_factory.mktemp("model") / "model.npz"
-    trained["threshold", "paper"].save(path)
-    return path.read_bytes()
-
-
-def refused(path: Path, content: bytes) -> str:
-    path.write_bytes(content)
-    with pytest.raises(FormatError) as caught:
-        Forecaster.load(path)
-    assert str(caught.value).startswith(f"{path}: ")
-    return str(caught.value)
-
-
-def test_no_part_of_a_file_is_taken_for_a_model(whole: bytes, tmp_path: Path) -> None:
-    lengths = {*range(0, len(whole), max(1, len(whole) // 150)), *range(40), len(whole) - 1}
-    for length in lengths:
-        assert "train it again" in refused(tmp_path / "model.npz", whole[:length])
-
-
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(content=st.one_of(st.binary(max_size=200), st.binary(max_size=60).map(b"PK\3\4".__add__)))
-def test_bytes_of_any_kind_are_refused(content: bytes, tmp_path: Path) -> None:
-    refused(tmp_path / "model.npz", content)
-
-
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(place=st.integers(0, 10**6), value=st.integers(1, 255))
-def test_a_changed_byte_is_refused_or_changes_nothing(
-    whole: bytes,
-    trained: dict[tuple[str, str], Forecaster],
-    models: dict[str, Models],
-    tmp_path: Path,
-    place: int,
-    value: int,
-) -> None:
-    content = bytearray(whole)
-    content[place % len(whole)] ^= value
-    path = tmp_path / "model.npz"
-    path.write_bytes(content)
-    unseen = synthetic.estimates(4, seed=9)
-    try:
-        again = Forecaster.load(path)
-    except FormatError:
-        return
-    expected = trained["threshold", "paper"].probability(unseen, models)
-    assert_array_equal(again.probability(unseen, models), expected)
-
-
-def test_other_files_are_refused(whole: bytes, tmp_path: Path) -> None:
-    path = tmp_path / "model.npz"
-    with pytest.raises(FormatError, match="cannot be read"):
-        Forecaster.load(tmp_path / "none.npz")
-    with pytest.raises(FormatError, match="cannot be read"):
-        Forecaster.load(tmp_path)
-    path.write_bytes(whole)
-    with np.load(path) as file:
-        arrays = dict(file)
-    content = json.loads(str(arrays["card"]))
-    for changed in (
-        [],
-        {},
-        {"format": 1},
-        {"format": 1, "card": {}},
-        {**content, "card": {**content["card"], "method": "forest"}},
-        {**content, "card": {**content["card"], "odd": 1}},
-    ):
-        np.savez(path, **arrays | {"card": np.array(json.dumps(changed))})
-        assert "train it again" in refused(path, path.read_bytes())
-    np.savez(path, **arrays | {"card": np.array(json.dumps({**content, "format": 99}))})
-    assert "is a model of format 99, not 1" in refused(path, path.read_bytes())
-    np.savez(path, x=np.zeros(3))
-    assert "train it again" in refused(path, path.read_bytes())
-    np.save(tmp_path / "x.npy", np.zeros(3))
-    assert "train it again" in refused(path, (tmp_path / "x.npy").read_bytes())
+        train_forecaster(
+            samples, method="MLP-O", settings=dataclasses.replace(SHORT, protocol="paper")
+        )
 
 
 # --- Cross-validation -----------------------------------------------------------------------------
@@ -314,9 +230,9 @@ def test_only_unseen_scenes_are_scored(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     asked: list[int] = []
 
-    def spy(given_samples: Samples, **options: Any) -> Forecaster:
-        forecaster = train_forecaster(given_samples, **options)
-        seen = {groups[i] for i in given_samples.estimates.im_id.tolist()}
+    def spy(given_lessons: Lessons, **options: Any) -> Forecaster:
+        forecaster = train_forecaster(given_lessons, **options)
+        seen = {groups[i] for i in given_lessons.estimates.im_id.tolist()}
 
         class Watching(Forecaster):
             def probability(
@@ -327,11 +243,12 @@ def test_only_unseen_scenes_are_scored(monkeypatch: pytest.MonkeyPatch) -> None:
                 asked.extend(estimates.im_id.tolist())
                 return super().probability(estimates, models)
 
-        return Watching(forecaster.card, forecaster.predictor)
+        fields = dataclasses.fields(forecaster)
+        return Watching(*(getattr(forecaster, field.name) for field in fields))
 
     monkeypatch.setattr(module, "train_forecaster", spy)
     heard: list[float] = []
-    found = cross_validate(samples, folds=3, settings=SHORT, progress=heard.append)
+    found = cross_validate(samples, folds=3, method="MLP-O", settings=SHORT, progress=heard.append)
     assert sorted(asked) == samples.estimates.im_id.tolist()
     assert found.n == 120
     assert found.accuracy > found.majority
@@ -388,12 +305,12 @@ def test_each_object_is_scored_by_a_forecaster_that_has_not_seen_it(
     given = synthetic.samples(160)
     seen: list[tuple[str, ...]] = []
 
-    def spy(part: Samples, **options: Any) -> Forecaster:
+    def spy(part: Lessons, **options: Any) -> Forecaster:
         forecaster = train_forecaster(part, **options)
         seen.append(forecaster.card.objects)
         return forecaster
 
-    monkeypatch.setattr("graspcast.learning.forecaster.train_forecaster", spy)
+    monkeypatch.setattr("graspcast.learning.training.train_forecaster", spy)
     options: dict[str, Any] = {"method": method, "models": models, "settings": SHORT}
     found = cross_validate(given, by="object", **options)
     assert seen == [("d-2",), ("d-1",)]
@@ -404,7 +321,7 @@ def test_each_object_is_scored_by_a_forecaster_that_has_not_seen_it(
 def test_what_knows_an_object_only_by_its_own_networks_cannot_answer_for_another() -> None:
     with pytest.raises(MismatchError, match="cannot answer for an unseen one"):
         cross_validate(synthetic.samples(80), by="object", method="MLP", settings=SHORT)
-    forecaster = train_forecaster(synthetic.samples(80), settings=SHORT)
+    forecaster = train_forecaster(synthetic.samples(80), method="MLP-O", settings=SHORT)
     other = synthetic.samples(10, objects=(7,)).estimates
     with pytest.raises(MismatchError, match="was not trained for d-7"):
         forecaster.probability(other)
