@@ -16,6 +16,7 @@ from graspcast.cli.options import (
     add_outcomes,
     add_verb,
     inputs_of,
+    positive,
     share,
     write_json,
 )
@@ -28,12 +29,6 @@ if TYPE_CHECKING:
     from graspcast.verdict import VerdictRow
 
 __all__ = ["add_verbs"]
-
-
-def _positive(text: str) -> int:
-    if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"a whole number, 1 or more, is needed, not {text!r}")
-    return int(text)
 
 
 def add_verbs(verbs: Verbs) -> None:
@@ -56,7 +51,7 @@ def add_verbs(verbs: Verbs) -> None:
         help="holds published/ (what import-release writes), bop/, and raw/ if there is one",
     )
     verb.add_argument(
-        "--seeds", metavar="N", type=_positive, default=1, help="train with so many seeds"
+        "--seeds", metavar="N", type=positive, default=1, help="train with so many seeds"
     )
     add_outcomes(
         verb,
@@ -95,7 +90,7 @@ def _add_train(verbs: Verbs) -> None:
         "the paper's networks for each object, or for all",
     )
     verb.add_argument(
-        "--trees", metavar="N", type=_positive, default=128, help="of each forest (default: 128)"
+        "--trees", metavar="N", type=positive, default=128, help="of each forest (default: 128)"
     )
     verb.add_argument(
         "--features",
@@ -109,8 +104,8 @@ def _add_train(verbs: Verbs) -> None:
         default="validated",
         help="which checkpoint of a network to keep (default: validated)",
     )
-    verb.add_argument("--members", metavar="N", type=_positive, default=5, help="default: 5")
-    verb.add_argument("--epochs", metavar="N", type=_positive, default=3000, help="default: 3000")
+    verb.add_argument("--members", metavar="N", type=positive, default=5, help="default: 5")
+    verb.add_argument("--epochs", metavar="N", type=positive, default=3000, help="default: 3000")
     verb.add_argument("--seed", metavar="N", type=int, default=0, help="of everything random")
     verb.add_argument(
         "--folds",

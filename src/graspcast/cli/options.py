@@ -22,6 +22,7 @@ __all__ = [
     "add_outcomes",
     "add_verb",
     "inputs_of",
+    "positive",
     "share",
     "write_json",
 ]
@@ -117,6 +118,13 @@ def inputs_of(options: argparse.Namespace) -> Inputs:
         objects=options.objects,
         lenient=options.lenient,
     )
+
+
+def positive(text: str) -> int:
+    """A whole number, 1 or more."""
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"a whole number, 1 or more, is needed, not {text!r}")
+    return int(text)
 
 
 def share(text: str) -> float:
