@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from graspcast.bop.release import import_release
     from graspcast.bop.results import Results, read_results, write_results
     from graspcast.certification import certify, unit_names
+    from graspcast.comparison import Comparison, compare
     from graspcast.consensus import Features, consensus_features, describe, mean_add
     from graspcast.drift import DriftMonitor
     from graspcast.errors import GraspcastError
@@ -52,6 +53,7 @@ _HOME = {
     "bop.release": ("import_release",),
     "bop.results": ("Results", "read_results", "write_results"),
     "certification": ("certify", "unit_names"),
+    "comparison": ("Comparison", "compare"),
     "consensus": ("Features", "consensus_features", "describe", "mean_add"),
     "drift": ("DriftMonitor",),
     "errors": ("GraspcastError",),

@@ -120,6 +120,20 @@ class Lessons:
             success=self.success[:, which],
         )
 
+    def only(self, *estimators: str) -> Lessons:
+        """What would be known had there been only these estimators: their poses and outcomes.
+
+        Raises:
+            UnknownNameError: for one that is not there.
+            MismatchError: if the principal is not among them.
+        """
+        if self.principal not in estimators:
+            raise MismatchError(
+                f"{self.principal} is the principal, but not among {', '.join(estimators)}"
+            )
+        rows = [self.estimates.index(name) for name in estimators]
+        return replace(self, estimates=self.estimates.only(*estimators), success=self.success[rows])
+
 
 def lessons(
     estimates: Estimates,

@@ -172,15 +172,23 @@ def scene_groups(estimates: Estimates, *, blocks: int = 5) -> ndarray:
     return names.astype(str)
 
 
-def by_scene(samples: Samples, *, folds: int = 5, seed: int = 0) -> Iterator[Fold]:
+def by_scene(
+    samples: Samples, *, folds: int = 5, seed: int = 0, groups: ndarray | None = None
+) -> Iterator[Fold]:
     """Cross-validation in which no scene (or block of frames) is on both sides.
+
+    Args:
+        samples: What is dealt out.
+        folds: How many parts.
+        seed: Of the dealing.
+        groups: What is kept together, (n,), if not :func:`scene_groups` of the samples.
 
     Raises:
         MismatchError: if there are fewer scenes than folds.
     """
     from sklearn.model_selection import StratifiedGroupKFold
 
-    groups = scene_groups(samples.estimates)
+    groups = scene_groups(samples.estimates) if groups is None else groups
     if (count := len(np.unique(groups))) < folds:
         raise MismatchError(f"{count} scenes cannot make {folds} folds; ask for fewer folds")
     splitter = StratifiedGroupKFold(n_splits=folds, shuffle=True, random_state=seed)

@@ -8,6 +8,8 @@ from dataclasses import asdict, replace
 from typing import Any, Literal
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from graspcast._version import __version__
 from graspcast.bop.models import Models
@@ -22,7 +24,7 @@ from graspcast.learning.predictors import NetworkEnsemble, NetworkSettings, Thre
 from graspcast.learning.samples import Samples, by_object, by_scene, scene_groups
 from graspcast.learning.scores import Scores, score
 
-__all__ = ["cross_validate", "train_forecaster"]
+__all__ = ["cross_validate", "cross_validated", "train_forecaster"]
 
 _FORESTS = {"blend": None, "two-stage": 0.0, "direct": 1.0}
 
@@ -130,7 +132,7 @@ def _scenes(estimates: Any) -> tuple[str, ...]:
     return tuple(sorted({f"{dataset}/{scene}" for dataset, scene in pairs}))
 
 
-def cross_validate(
+def cross_validated(
     given: Samples | Lessons,
     *,
     by: Literal["scene", "object"] = "scene",
@@ -138,29 +140,34 @@ def cross_validate(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
     **options: Any,
-) -> Scores:
-    """Scores on scenes (or blocks of frames), or on objects, that training has not seen.
+) -> Float[ndarray, "n"]:
+    """The probability of every sample by a forecaster that saw nothing of its scene, or object.
 
     Args:
         given: Instances with outcomes, as for :func:`train_forecaster`.
-        by: Deal out the scenes, or leave out each object in turn.
+        by: Deal out the scenes (or blocks of frames), or leave out each object in turn.
         folds: How many parts the scenes are dealt into.
         seed: Of the dealing.
         progress: Called with the share of the work that is done.
         options: Those of :func:`train_forecaster`.
+
+    Returns:
+        In the order of the samples; NaN where, by scene, training had nothing of the object.
     """
     learned = as_lessons(given)
     samples = learned.samples
     probability = np.full(len(samples), np.nan)
-    if by == "scene":
-        parts = list(by_scene(samples, folds=folds, seed=seed))
-    else:
-        parts = [fold for _, fold in by_object(samples)]
+    tried = ~np.isnan(learned.success[learned.estimates.index(learned.principal)])
     # Of the lessons, what shares a scene (or the object) with the judged is kept from training.
-    every, mine = (
-        (scene_groups(each) if by == "scene" else each.objects)
-        for each in (learned.estimates, samples.estimates)
-    )
+    # Blocks of frames are those of the lessons: cut among the samples alone, they would lie
+    # elsewhere.
+    if by == "scene":
+        every = scene_groups(learned.estimates)
+        parts = list(by_scene(samples, folds=folds, seed=seed, groups=every[tried]))
+    else:
+        every = learned.estimates.objects
+        parts = [fold for _, fold in by_object(samples)]
+    mine = every[tried]
     for i, (_, test) in enumerate(parts):
 
         def step(share: float, i: int = i) -> None:
@@ -176,5 +183,17 @@ def cross_validate(
         probability[test] = forecaster.probability(
             samples.estimates.select(test), options.get("models"), unseen_objects=by == "object"
         )
+    return probability
+
+
+def cross_validate(given: Samples | Lessons, **options: Any) -> Scores:
+    """Scores on scenes (or blocks of frames), or on objects, that training has not seen.
+
+    Args:
+        given: Instances with outcomes, as for :func:`train_forecaster`.
+        options: Those of :func:`cross_validated`.
+    """
+    samples = as_lessons(given).samples
+    probability = cross_validated(given, **options)
     scored = ~np.isnan(probability)
     return score(probability[scored], samples.success[scored], samples.objects[scored])
