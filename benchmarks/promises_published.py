@@ -1,9 +1,9 @@
 """Promises on the published data: certified on some scenes, held against others.
 
-    python benchmarks/promises_published.py --data DIR --work DIR
+    python benchmarks/promises_published.py --data DIR --work DIR --borrowed DIR --outcomes DIR
 
 The default forecaster's forecasts of scenes that it has not seen (those of ``graspcast evaluate``,
-protocol ``unseen_scenes``, whose ``--work`` directory is taken up) are dealt out at random again
+protocol ``unseen_scenes``; give its ``--work`` and the same trials) are dealt out at random again
 and again: half of the scenes (or of the images) certify a threshold, the other half is attempted at
 it. A promise is broken where the attempts' success rate falls below the promised one. Beside it the
 attempts, as a share of those of a perfect ranking, which could fill up with failures until the rate
@@ -24,6 +24,7 @@ from graspcast.learning.forecast_run import forecast_all
 from graspcast.learning.forecasts import Forecasts
 from graspcast.learning.lessons import ErrorOutcomes
 from graspcast.learning.methods import METHODS
+from graspcast.outcomes import read_all_outcomes
 from graspcast.published import Published
 
 
@@ -32,6 +33,7 @@ def main() -> None:
     options.add_argument("--data", type=Path, required=True)
     options.add_argument("--work", type=Path, required=True)
     options.add_argument("--borrowed", type=Path, action="append", default=[])
+    options.add_argument("--outcomes", type=Path, action="append", default=[])
     options.add_argument("--rate", type=float, default=0.9)
     options.add_argument("--confidence", type=float, default=0.9)
     options.add_argument("--resamplings", type=int, default=300)
@@ -42,7 +44,8 @@ def main() -> None:
     data = Published(given.data)
     grippers = data.outcomes["gripper"].unique().sort().to_list()
     borrowed = {g: ErrorOutcomes.read(given.borrowed, g) for g in grippers if given.borrowed}
-    benchmark = Benchmark.of(data, borrowed=borrowed)
+    simulated = read_all_outcomes(given.outcomes) if given.outcomes else None
+    benchmark = Benchmark.of(data, simulated, borrowed)
     methods = {"blend": METHODS["blend"](given.seed)}
     forecasts = forecast_all(benchmark, methods, ["unseen_scenes"], work=given.work)
     images = [f"{d}/{s}/{i}" for d, s, i, *_ in benchmark.estimates.instances()]

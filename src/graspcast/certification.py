@@ -11,8 +11,9 @@ Bernoulli trials with the promised rate as their mean, whatever goes on inside a
 binomial test is exact. The other trials of a unit are not lost: attempt rates use them.
 
 **Over what.** ``weight="attempt"`` (the default) draws one of *all* trials of a unit, and keeps it
-if it is attempted. It promises P(success | attempted) for an instance drawn from a new unit: every
-attempt counts, wherever it is made. A drawn trial that is not attempted bears no evidence, so that
+if it is attempted; units smaller than the largest are passed over by chance, in proportion, since
+their instances are rarer. It promises P(success | attempted): every attempt counts alike, wherever
+it is made. A drawn trial that is not attempted bears no evidence, so that
 m units of which a share q is attempted bear that of m q trials. No other method can do much
 better: were one unit in ten that is attempted *as a whole* a failure, so many would be needed to
 see it. ``weight="unit"`` draws one of the *attempted* trials of each unit that has any. It promises
@@ -147,7 +148,8 @@ class _Draws:
         digest = hashlib.sha256(units[order].astype(np.int64).tobytes())
         digest.update(probability[order].astype(np.float64).tobytes())
         words = np.frombuffer(digest.digest(), np.uint32)
-        key = np.random.default_rng([seed, *words.tolist()]).random(len(order))
+        random = np.random.default_rng([seed, *words.tolist()])
+        key = random.random(len(order))
         order = order[np.lexsort((key, units[order]))]
         self.probability, self.success, self.units = (
             probability[order],
@@ -156,6 +158,9 @@ class _Draws:
         )
         if weight == "attempt":
             first = self._first(self.units)
+            # A unit's one draw stands for all its trials, so that it is kept in proportion to them.
+            size = np.diff(np.r_[first, len(self.units)])
+            first = first[random.random(len(first)) < size / size.max(initial=1)]
             self.probability, self.success = self.probability[first], self.success[first]
             self.units = self.units[first]
 

@@ -108,10 +108,12 @@ class UnitShares:
     Attributes:
         attempted: Share of the unit's trials that are attempted, (units,).
         succeeded: Share of these that succeed; NaN where none is attempted, (units,).
+        size: The unit's trials, as a share of those of the largest, (units,).
     """
 
     attempted: Float[ndarray, "units"]
     succeeded: Float[ndarray, "units"]
+    size: Float[ndarray, "units"]
 
     @classmethod
     def at(
@@ -128,7 +130,7 @@ class UnitShares:
         held = np.bincount(number[attempt & success], minlength=len(size))
         succeeded = np.full(len(size), np.nan)
         np.divide(held, attempts, out=succeeded, where=attempts > 0)
-        return cls(attempts / size, succeeded)
+        return cls(attempts / size, succeeded, size / size.max())
 
     def evidence(self, weight: str) -> tuple[float, float]:
         """How many of one's units bear evidence, and at which success rate.
@@ -142,10 +144,9 @@ class UnitShares:
             return 0.0, float("nan")
         if weight == "unit":
             return float(some.mean()), float(self.succeeded[some].mean())
-        share = self.attempted[some]
-        return float(self.attempted.mean()), float(
-            (share * self.succeeded[some]).sum() / share.sum()
-        )
+        share = self.size * self.attempted
+        held = float((share[some] * self.succeeded[some]).sum() / share[some].sum())
+        return float(share.mean()), held
 
 
 def learn_sequence(
