@@ -124,9 +124,7 @@ class Blend:
             if progress is not None:
                 progress((fold + 2) / steps)
         own = table.success[table.principal]
-        return replace(
-            blend, calibration=np.stack([_calibrate(each, own, part) for each in forecasts])
-        )
+        return replace(blend, calibration=np.stack([_calibrate(each, own) for each in forecasts]))
 
     def raw(
         self, features: Float[ndarray, "n d"], numbers: Int[ndarray, "n"]
@@ -360,7 +358,7 @@ def _expit(x: ndarray) -> ndarray:
     return np.asarray(1 / (1 + np.exp(-x)))
 
 
-def _calibrate(forecast: ndarray, outcome: ndarray, part: ndarray) -> Float[ndarray, "2"]:
+def _calibrate(forecast: ndarray, outcome: ndarray) -> Float[ndarray, "2"]:
     """Slope and shift of the log-odds; none where outcomes are too few or all alike."""
     from sklearn.linear_model import LogisticRegression
 
