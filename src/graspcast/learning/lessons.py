@@ -11,7 +11,7 @@ import polars as pl
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.errors import MismatchError
+from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates import Estimates
 from graspcast.learning.samples import Samples, outcomes_of
 from graspcast.outcomes import read_error_outcomes
@@ -160,6 +160,9 @@ def lessons(
     estimates.index(principal)
     success = np.full((len(estimates.estimators), len(estimates)), np.nan)
     if outcomes is not None:
+        grippers = outcomes["gripper"].unique().sort().to_list()
+        if gripper not in grippers:
+            raise UnknownNameError("gripper", gripper, grippers, hint="These have outcomes")
         # Detections of several instances are numbered by the principal's scores; the same number
         # may mean another instance in the outcomes of another estimator.
         image = ["dataset", "scene_id", "im_id", "obj_id"]

@@ -1,0 +1,98 @@
+"""Models that stand in for one another: the most supporters win, and nothing is guessed."""
+
+from __future__ import annotations
+
+import dataclasses
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+import synthetic
+from graspcast.errors import InputError, MismatchError
+from graspcast.fallback import Fallbacks
+from graspcast.learning.forecaster import Forecaster
+from graspcast.learning.mlp_training import MlpSettings
+from graspcast.learning.predictors import NetworkSettings
+from graspcast.learning.samples import Samples
+from graspcast.learning.training import train_forecaster
+
+NAMES = ("a", "b", "c", "e")
+
+
+def forecaster_of(*names: str, **changes: str) -> Forecaster:
+    samples = synthetic.samples(60, names=NAMES)
+    mine = dataclasses.replace(samples, estimates=samples.estimates.only(*names), **changes)
+    assert isinstance(mine, Samples)
+    quick = NetworkSettings(members=1, optimiser=MlpSettings(epochs=40))
+    return train_forecaster(mine, method="MLP-O", settings=quick)
+
+
+@pytest.fixture(scope="module")
+def forecasters() -> dict[str, Forecaster]:
+    return {names: forecaster_of(*names) for names in ("ab", "ac", "abc", "abce")}
+
+
+def instance(i: int = 3) -> dict[str, np.ndarray]:
+    given = synthetic.estimates(8, seed=4, names=NAMES)
+    return {name: given.of(name)[i] for name in NAMES}
+
+
+def test_the_model_with_the_most_supporters_that_are_there_answers(
+    forecasters: dict[str, Forecaster],
+) -> None:
+    models = Fallbacks(forecasters.values())
+    assert [len(model.card.supporters) for model in models] == [3, 2, 1, 1]
+    poses = instance()
+    for count in range(4):
+        for others in combinations("bce", count):
+            given = {"a": poses["a"], **{name: poses[name] for name in others}}
+            fits = [n for n in ("abce", "abc", "ab", "ac") if set(n) <= set(given)]
+            if not fits:
+                with pytest.raises(MismatchError):
+                    models.predict(given, "d-1")
+                continue
+            expected = forecasters[fits[0]].predict(given, "d-1")
+            assert models.predict(given, "d-1") == expected
+            assert [f.card.supporters for f in models.usable(given)] == [
+                forecasters[n].card.supporters for n in fits
+            ]
+
+
+@pytest.mark.parametrize("hole", [float("nan"), float("inf")])
+def test_a_pose_that_is_not_finite_is_missing(
+    forecasters: dict[str, Forecaster], hole: float
+) -> None:
+    models = Fallbacks(forecasters.values())
+    poses = instance()
+    broken = poses["c"].copy()
+    broken[1, 3] = hole
+    without = {name: pose for name, pose in poses.items() if name != "c"}
+    found = models.predict(poses | {"c": broken}, "d-1", threshold=0.2)
+    assert found == forecasters["ab"].predict(without, "d-1", threshold=0.2)
+
+
+def test_what_is_missing_is_named_and_nothing_is_guessed(
+    forecasters: dict[str, Forecaster],
+) -> None:
+    models = Fallbacks([forecasters["abc"], forecasters["ac"]])
+    poses = instance()
+    says = "no estimates by c for the model with 2 supporters; nor by c for the model with 1 supp"
+    with pytest.raises(MismatchError, match=f"{says}.*given: a, b"):
+        models.predict({"a": poses["a"], "b": poses["b"]}, "d-1")
+    with pytest.raises(MismatchError, match=r"by a, b, c for the model with 2 .*given: none"):
+        models.predict({}, "d-1")
+    with pytest.raises(MismatchError, match=r"by a for the model"):
+        models.usable(("b", "c"))
+
+
+def test_models_that_cannot_stand_in_for_one_another(forecasters: dict[str, Forecaster]) -> None:
+    with pytest.raises(InputError, match=r"at least one model is needed"):
+        Fallbacks([])
+    with pytest.raises(InputError, match=r"two models are for the supporters b, c"):
+        Fallbacks([forecasters["abc"], forecaster_of("a", "c", "b")])
+    other = forecaster_of("a", "b", gripper="hand")
+    with pytest.raises(MismatchError, match=r"for a and the hand gripper cannot stand in for one"):
+        Fallbacks([forecasters["abc"], other])
+    with pytest.raises(MismatchError, match=r"a model for b and the parallel gripper"):
+        Fallbacks([forecasters["abc"], forecaster_of("a", "b", principal="b")])
