@@ -144,7 +144,7 @@ def test_an_object_of_ones_own_borrows_from_all(dataset: BopDataset) -> None:
 
 def test_what_is_refused_and_what_is_no_estimate(dataset: BopDataset) -> None:
     table = results()
-    with pytest.raises(InputError, match="at least one error is to be borrowed .* not 0"):
+    with pytest.raises(InputError, match=r"at least one error is to be borrowed .* not 0"):
         borrow(dataset, table, 1, count=0)
     only = table.select(table.obj_id == 2)
     with pytest.raises(MismatchError, match="no errors to borrow for made-2"):

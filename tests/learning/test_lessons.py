@@ -105,7 +105,7 @@ def test_unknown_names() -> None:
     given = synthetic.estimates(6)
     with pytest.raises(UnknownNameError, match="unknown estimator 'z'; known: a, b, c"):
         lessons(given, outcomes(given), "z", "parallel")
-    with pytest.raises(UnknownNameError, match="'paralel' .did you mean 'parallel'"):
+    with pytest.raises(UnknownNameError, match=r"'paralel' .did you mean 'parallel'"):
         lessons(given, outcomes(given), "a", "paralel")
 
 

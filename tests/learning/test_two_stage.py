@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -114,7 +116,7 @@ def test_leaves_hold_every_training_instance_once_a_tree(
     errors = stages[0]
     assert len(errors.members) == N * TREES
     ends = [*errors.first[errors.offset].tolist(), len(errors.members)]
-    for start, stop in zip(ends[:-1], ends[1:], strict=True):
+    for start, stop in pairwise(ends):
         assert sorted(errors.members[start:stop].tolist()) == list(range(N))
     assert (np.diff(errors.first) >= 2).all()
 
