@@ -1,4 +1,4 @@
-"""train and predict with forests: simulated objects, explanations, promises, stand-ins, strangers."""
+"""train and predict with forests: simulation, explanations, promises, stand-ins, strangers."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def test_what_is_missing_is_named_and_nothing_is_guessed(
     says = "no estimates by c for the model with 2; nor by c for the model with 1"
     with pytest.raises(MismatchError, match=f"{says}.*given: a, b"):
         models.predict({"a": poses["a"], "b": poses["b"]}, "d-1")
-    with pytest.raises(MismatchError, match=r"by a, b, c for the model with 2 .*given: none"):
+    with pytest.raises(MismatchError, match=r"by a, b, c for the model with 2; .*given: none"):
         models.predict({}, "d-1")
     with pytest.raises(MismatchError, match="by a for the model"):
         models.usable(("b", "c"))
