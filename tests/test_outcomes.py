@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 from graspcast.errors import FormatError
-from graspcast.outcomes import KEYS, read_outcomes, write_table
+from graspcast.outcomes import (
+    ERROR_COLUMNS,
+    KEYS,
+    error_numbers,
+    read_error_outcomes,
+    read_outcomes,
+    write_table,
+)
+from poses import random_poses
 
 HEADER = "estimator,dataset,scene_id,im_id,obj_id,gripper,success"
 ROWS = ["epos,lmo,2,3,1,parallel,1", "epos,lmo,2,3,5,parallel,0", "gdrnpp,lmo,2,3,1,parallel,1"]
@@ -150,3 +160,52 @@ def test_the_published_files_agree(published: Path, name: str) -> None:
     from_csv = read_outcomes(published / name / "trials.csv")
     assert from_csv.equals(read_outcomes(published / name / "trials.parquet"))
     assert set(from_csv["gripper"]) == {"parallel", "underactuated"}
+
+
+# --- Errors that guided trials --------------------------------------------------------------------
+
+
+def guided(errors: np.ndarray) -> pl.DataFrame:
+    n = len(errors)
+    columns = {
+        "estimator": ["a"] * n,
+        "dataset": ["lmo"] * n,
+        "scene_id": [0] * n,
+        "im_id": list(range(n)),
+        "obj_id": [1 + i % 2 for i in range(n)],
+        "gripper": ["parallel"] * n,
+        "success": [i % 3 // 2 for i in range(n)],
+    }
+    numbers = zip(ERROR_COLUMNS, error_numbers(errors).T.tolist(), strict=True)
+    return pl.DataFrame(columns | dict(numbers))
+
+
+@pytest.mark.parametrize("name", ["x.csv", "x.parquet"])
+def test_errors_come_back_as_the_poses_they_were(tmp_path: Path, name: str) -> None:
+    errors = random_poses(40, 3)  # turns of every size
+    write_table(tmp_path / name, guided(errors))
+    table, found = read_error_outcomes(tmp_path / name)
+    assert_allclose(found, errors, atol=1e-9)
+    assert table.columns == ["object", "gripper", "success"]
+    assert table["object"].to_list() == ["lmo-1", "lmo-2"] * 20
+    assert_array_equal(table["success"].to_numpy(), np.arange(40) % 3 == 2)
+    # The same file still is one of outcomes.
+    assert read_outcomes(tmp_path / name)["success"].to_list() == [i % 3 // 2 for i in range(40)]
+
+
+def test_outcomes_without_errors_or_with_holes_in_them_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "x.parquet"
+    whole = guided(random_poses(5))
+    write_table(path, whole.drop("error_ry_rad"))
+    with pytest.raises(FormatError, match="no column 'error_ry_rad'; give a campaign of grasp"):
+        read_error_outcomes(path)
+    for hole in (None, float("nan"), float("inf")):
+        holed = whole.with_columns(
+            error_z_m=pl.when(pl.col("im_id") == 3).then(hole).otherwise(pl.col("error_z_m"))
+        )
+        write_table(path, holed)
+        with pytest.raises(FormatError, match="row 4: an empty field"):
+            read_error_outcomes(path)
+    write_table(path, whole.with_columns(error_x_m=pl.lit("far")))
+    with pytest.raises(FormatError, match="does not hold what it should"):
+        read_error_outcomes(path)

@@ -142,13 +142,16 @@ def _train(options: argparse.Namespace) -> None:
         ),
     }
     scores = {}
-    if options.folds > 1:
+    scored = bool(options.outcomes)
+    if not scored:
+        note("no scores: without --outcomes there is nothing to hold a forecast against")
+    if scored and options.folds > 1:
         with progress_bar("cross-validating") as move:
             found = cross_validate(
                 learned, folds=options.folds, seed=options.seed, progress=move, **settings
             )
         scores["unseen_scenes"] = found.as_dict()
-    if options.unseen_objects:
+    if scored and options.unseen_objects:
         with progress_bar("leaving out each object") as move:
             found = cross_validate(learned, by="object", progress=move, **settings)
         scores["unseen_objects"] = found.as_dict()
