@@ -105,7 +105,7 @@ def test_without_truth_there_is_the_direct_forest_and_without_anything_an_error(
     blend = blend_of(trained(without, models, folds=0))
     assert blend.survival is None
     assert blend.direct is not None
-    with pytest.raises(InputError, match="two stages need ground truth and outcomes or simul"):
+    with pytest.raises(InputError, match="need ground truth of some images"):
         train_forecaster(without, method="two-stage", forests=QUICK, models=models)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,8 @@ from graspcast.cli.options import Verbs, add_inputs, add_out, add_verb, inputs_o
 from graspcast.errors import MismatchError
 
 if TYPE_CHECKING:
-    from graspcast.inputs import Inputs
+    from graspcast.bop.models import Models
+    from graspcast.estimates import Estimates
     from graspcast.learning.forecaster import Forecaster
     from graspcast.verdict import VerdictRow
 
@@ -82,7 +83,17 @@ def _predict(options: argparse.Namespace) -> None:
     answered: dict[tuple[int, int, int, int], VerdictRow] = {}
     usable = models.usable(inputs.estimators)
     for forecaster in usable:
-        for key, row in _verdicts(forecaster, inputs, terms, options, len(usable) > 1):
+        card = forecaster.card
+        try:
+            estimates = inputs.estimates(card.principal, only=(card.principal, *card.supporters))
+        except MismatchError as error:  # no instance has all of these
+            if forecaster is usable[-1] and not answered:
+                raise
+            inputs.notes.append(str(error))
+            continue
+        terms_here = terms.of(forecaster)
+        told = f"; with {', '.join(card.supporters)}" if len(usable) > 1 else ""
+        for key, row in _verdicts(forecaster, estimates, inputs.models, terms_here, options, told):
             if key not in answered or answered[key].verdict.probability is None:
                 answered[key] = row
     rows = [answered[key] for key in sorted(answered)]
@@ -113,6 +124,7 @@ class _Terms:
             promises.provenance.get("model"): promises
             for promises in map(Promises.load, options.promise)
         }
+        self.strange: float = options.strange
         self.promised: list[str] = []
 
     def of(self, forecaster: Forecaster) -> tuple[float | None, str | None]:
@@ -129,30 +141,36 @@ class _Terms:
                 f"no promise was made for the model with {', '.join(card.supporters)}: certify it, "
                 "and give its --promise too"
             )
-        promise = self.promises[card.digest].overall
+        promises = self.promises[card.digest]
+        certified = promises.provenance.get("strange", self.strange)
+        if certified != self.strange:
+            raise MismatchError(
+                f"the promise was certified with --strange {certified:g}, not {self.strange:g}: "
+                "what is attempted would not be what was promised"
+            )
+        promise = promises.overall
         self.promised.append(str(promise))
         return promise.threshold, str(promise)
 
 
 def _verdicts(
     forecaster: Forecaster,
-    inputs: Inputs,
-    terms: _Terms,
+    estimates: Estimates,
+    models: Mapping[str, Models],
+    terms: tuple[float | None, str | None],
     options: argparse.Namespace,
-    says_which: bool,
+    told: str,
 ) -> Iterator[tuple[tuple[int, int, int, int], VerdictRow]]:
     """The verdict of one model on every instance, by scene, image, object and instance."""
     from dataclasses import replace
 
     from graspcast.verdict import decide, verdict_rows
 
-    card = forecaster.card
-    estimates = inputs.estimates(card.principal, only=(card.principal, *card.supporters))
-    threshold, promise = terms.of(forecaster)
+    threshold, promise = terms
     count = len(estimates)
-    moved = forecaster.explain(estimates, inputs.models) if options.explain else [()] * count
+    moved = forecaster.explain(estimates, models) if options.explain else [()] * count
     found = zip(
-        forecaster.probability(estimates, inputs.models).tolist(),
+        forecaster.probability(estimates, models).tolist(),
         forecaster.p_value(estimates).tolist(),
         moved,
         strict=True,
@@ -161,7 +179,5 @@ def _verdicts(
         decide(p, threshold, promise=promise, p_value=usual, strange=options.strange, moved=why)
         for p, usual, why in found
     ]
-    if says_which:
-        told = f"; with {', '.join(card.supporters)}"
-        verdicts = [replace(verdict, reason=verdict.reason + told) for verdict in verdicts]
-    yield from verdict_rows(estimates, verdicts, card.gripper)
+    verdicts = [replace(verdict, reason=verdict.reason + told) for verdict in verdicts]
+    yield from verdict_rows(estimates, verdicts, forecaster.card.gripper)

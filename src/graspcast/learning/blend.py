@@ -177,7 +177,8 @@ class Blend:
                 "two stages cannot answer for an object without outcomes or simulated trials: give "
                 "some (train --simulated), or use the method blend"
             )
-        alone = (objects < 0) | ~self.tried[objects]
+        # Two stages alone answer for what they know and the direct forest does not.
+        alone = (objects >= 0) & self.known[objects] & ~self.tried[objects]
         slope, shift = self.calibration[alone.astype(int)].T
         return _expit(slope * _logit(mixed) + shift)
 

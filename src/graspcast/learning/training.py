@@ -61,7 +61,16 @@ def train_forecaster(
     if method not in KINDS:
         raise UnknownNameError("method", method, KINDS)
     learned = as_lessons(given)
-    with_outcomes = set(learned.estimates.objects[~np.isnan(learned.success).all(axis=0)].tolist())
+    if not learned.has_truth.any() and (method == "two-stage" or learned.simulated is not None):
+        raise InputError(
+            "two stages, and so simulated trials, need ground truth of some images: give the "
+            "datasets' --bop with scene_gt.json, or --ground-truth; or leave out the simulated "
+            "trials"
+        )
+    answered = ~np.isnan(learned.success).all(axis=0)
+    if method == "two-stage":
+        answered &= learned.has_truth
+    with_outcomes = set(learned.estimates.objects[answered].tolist())
     in_forests = method in _FORESTS
     simulated = set()
     if in_forests and learned.simulated is not None:
