@@ -33,7 +33,14 @@ with tempfile.TemporaryDirectory() as folder:
     estimates = [f"--estimates={n}={root / f'{n}_toy-test.csv'}" for n in ("one", "two")]
     program = [str(Path(sys.executable).with_name("graspcast"))]
     model, verdicts, card = (str(root / n) for n in ("m.npz", "v.csv", "card.json"))
-    train = ["train", *estimates, "--principal=one", "--gripper=parallel", "--features=paper"]
+    train = [
+        "train",
+        *estimates,
+        "--principal=one",
+        "--gripper=parallel",
+        "--features=paper",
+        "--method=MLP-O",
+    ]
     train += [f"--outcomes={root / 'outcomes.csv'}", f"--out={model}", f"--json={card}"]
     subprocess.run([*program, *train, "--epochs=200", "--folds=2"], check=True)
     subprocess.run(
