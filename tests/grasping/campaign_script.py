@@ -1,6 +1,6 @@
 """A campaign of real trials as a program, so that tests can kill it.
 
-Usage: campaign_script.py DIRECTORY COUNT WORKERS [limit]; `limit` lets no file grow over 6 KiB.
+Usage: campaign_script.py DIRECTORY COUNT WORKERS [limit]; `limit` lets no file grow over 10.5 KiB.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def main() -> int:
         # What a full disk does to a write, with the error of a file that is too large instead.
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(
-            resource.RLIMIT_FSIZE, (6144, resource.getrlimit(resource.RLIMIT_FSIZE)[1])
+            resource.RLIMIT_FSIZE, (10752, resource.getrlimit(resource.RLIMIT_FSIZE)[1])
         )
     try:
         run_campaign(requests, pairs, directory, executor=LocalExecutor(workers))
