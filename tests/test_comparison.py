@@ -31,8 +31,11 @@ from graspcast.learning.contrast import FORECAST, STANDING, draw_rows, gains, un
 from graspcast.learning.training import cross_validate, cross_validated
 from poses import nudged, random_poses, results_of, write_models
 
-FAST: dict[str, Any] = {"folds": 3, "bootstrap": 200, "forests": ForestSettings(16, 16, folds=0)}
-FAST["forests"] = ForestSettings(trees=16, draws=16, folds=0)
+FAST: dict[str, Any] = {
+    "folds": 3,
+    "bootstrap": 200,
+    "forests": ForestSettings(trees=16, draws=16, folds=0),
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -195,8 +198,8 @@ def test_one_scene_has_no_interval() -> None:
 def test_two_to_six_estimators(names: str, models: dict[str, Models]) -> None:
     world = World.make(60, names, scenes=6, tried="a")
     heard: list[float] = []
-    options = {**FAST, "folds": 2, "bootstrap": 5, "forests": ForestSettings(4, 4)}
-    options["forests"] = ForestSettings(trees=4, draws=4, folds=0)
+    forests = ForestSettings(trees=4, draws=4, folds=0)
+    options = {**FAST, "folds": 2, "bootstrap": 5, "forests": forests}
     found = compare([world.lessons("a")], models=models, progress=heard.append, **options)
     judged = found.principals["a"]
     supporters = list(names[1:]) if len(names) > 2 else []
