@@ -24,7 +24,6 @@ from graspcast import (
     Lessons,
     NetworkSettings,
     Verdict,
-    decide,
     train_forecaster,
 )
 from graspcast.bop.models import Models
@@ -132,12 +131,7 @@ def time_it(
     one = {name: estimates.of(name)[0] for name in NAMES}
 
     def answer(estimates: Estimates = estimates) -> None:
-        found = zip(
-            forecaster.probability(estimates, models).tolist(),
-            forecaster.p_value(estimates).tolist(),
-            strict=True,
-        )
-        verdicts = [decide(p, 0.5, p_value=usual) for p, usual in found]
+        verdicts = forecaster.verdicts(estimates, models)
         rows = [row for _, row in verdict_rows(estimates, verdicts, "parallel")]
         write_verdicts(paths["first"].with_name("verdicts.csv"), rows)
 

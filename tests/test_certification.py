@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,25 +11,19 @@ from hypothesis import strategies as st
 from numpy import ndarray
 from scipy.stats import binomtest
 
-import graspcast
 from graspcast.certification import certify, unit_names
-from graspcast.errors import FormatError, InputError, UnknownNameError
-from graspcast.promise import OVERALL, Promises, Weight
-from graspcast.thresholds import Sequence, default_sequence, explore, learn_sequence
+from graspcast.errors import InputError
+from graspcast.promise import Weight
+from graspcast.thresholds import Sequence, default_sequence, learn_sequence
 from synthetic import estimates
-from worlds import World
+from worlds import ASKED, World, drawn
 
-ASKED = {"rate": 0.9, "confidence": 0.9}
 ALONE = World(400, 1)
 
 
 def at(*thresholds: float) -> Sequence:
     """A fixed sequence that starts at the first."""
     return Sequence(thresholds, (1.0, *(0.0 for _ in thresholds[1:])), "the test")
-
-
-def drawn(world: World, number: int) -> tuple[ndarray, ndarray, ndarray]:
-    return world.draw(np.random.default_rng([1, number]), world.scenes)
 
 
 # Whether promises are kept: seeded worlds, so no chance is left; the margin is what chance would
@@ -278,62 +270,6 @@ def test_so_many_units_as_are_said_to_be_needed_do() -> None:
     assert not passes(needed - 1)
 
 
-# Sequences.
-
-
-def test_the_default_sequence_depends_on_the_rate_alone() -> None:
-    sequence = default_sequence(0.9)
-    starts = {t: w for t, w in zip(sequence.thresholds, sequence.weights, strict=True) if w}
-    assert starts == {0.95: 0.25, 0.9: 0.5, 0.8: 0.25}
-    for rate in (0.01, 0.3, 0.5, 0.999):
-        assert rate in default_sequence(rate).thresholds
-
-
-def test_a_learned_sequence_starts_where_the_test_will_likely_pass() -> None:
-    world = World(100, 1, over=0.3)  # never near 0.9
-    sequence = learn_sequence(*drawn(World(2000, 1, over=0.3), 0), calibration_units=100, **ASKED)
-    truth = world.truth(trials=100_000)
-    start = sequence.thresholds[sequence.weights.index(1.0)]
-    assert truth.rate(start) > 0.9
-    assert truth.attempts(start) * 100 >= 22
-    more = learn_sequence(*drawn(World(2000, 1, over=0.3), 0), calibration_units=2000, **ASKED)
-    assert more.thresholds == sequence.thresholds
-
-
-def test_units_that_are_spent_on_the_sequence_do_not_certify() -> None:
-    probability, success, units = drawn(World(100, 4), 0)
-    options = {"seed": 0, "weight": "attempt", **ASKED}
-    sequence, kept = explore(probability, success, units, spend=0.25, **options)
-    assert len(np.unique(units[kept])) == 75
-    assert not set(units[kept]) & set(units[~kept])
-    # Outcomes of those that remain take no part in the sequence.
-    flipped = np.where(kept, ~success, success)
-    assert explore(probability, flipped, units, spend=0.25, **options)[0] == sequence
-    default, everything = explore(probability, success, units, spend=0.0, **options)
-    assert default == default_sequence(0.9)
-    assert everything.all()
-    with pytest.raises(InputError, match="leaves a side without any"):
-        explore(probability, success, units, spend=1.0, **options)
-
-
-@pytest.mark.parametrize(
-    ("thresholds", "weights", "message"),
-    [
-        ((), (), "descending"),
-        ((0.5, 0.6), (1.0, 0.0), "descending"),
-        ((1.5, 0.6), (1.0, 0.0), "between 0 and 1"),
-        ((0.6, 0.5), (0.9, 0.0), "sum to 1"),
-        ((0.6, 0.5), (1.5, -0.5), "none negative"),
-        ((0.6, 0.5), (1.0,), "one weight for each"),
-    ],
-)
-def test_bad_sequences_are_refused(
-    thresholds: tuple[float, ...], weights: tuple[float, ...], message: str
-) -> None:
-    with pytest.raises(InputError, match=message):
-        Sequence(thresholds, weights, "the test")
-
-
 # Input, output.
 
 
@@ -369,64 +305,3 @@ def test_bad_input_is_refused(change: dict[str, object], message: str) -> None:
 def test_no_trials_are_refused() -> None:
     with pytest.raises(InputError, match="no calibration trials"):
         certify(np.zeros(0), np.zeros(0, bool), np.zeros(0, int), **ASKED)
-
-
-@pytest.fixture
-def promises() -> Promises:
-    probability, success, units = drawn(World(300, 2), 0)
-    objects = np.array(["d-1", "d-2"])[units % 2]
-    return certify(
-        probability, success, units, objects=objects, provenance={"gripper": "parallel"}, **ASKED
-    )
-
-
-def test_promises_are_read_as_they_were_written(promises: Promises, tmp_path: Path) -> None:
-    promises.save(tmp_path / "p.json")
-    assert Promises.load(tmp_path / "p.json") == promises
-    assert promises.overall.scope == OVERALL
-    assert promises.of("d-2").units == 150
-    assert isinstance(promises.overall, graspcast.Promise)
-    with pytest.raises(UnknownNameError, match=r"'d-7'.*d-1, d-2"):
-        promises.of("d-7")
-
-
-@pytest.mark.parametrize(
-    ("path", "value", "message"),
-    [
-        (["format"], 99, "format 99"),
-        (["weight"], "moon", "unknown weight 'moon'"),
-        (["rate"], "x", "certify again"),
-        (["promises"], [], "overall promise is not the first"),
-        (["promises", 0, "threshold"], 1.5, "not between 0 and 1"),
-        (["promises", 0, "units"], -1, "not a whole number"),
-        (["promises", 0, "scope"], "d-1", "overall promise is not the first"),
-        (["sequence", "thresholds"], [0.1], "one weight for each"),
-        (["sequence"], None, "certify again"),
-    ],
-)
-def test_damaged_promise_files_are_refused(
-    promises: Promises, tmp_path: Path, path: list[str | int], value: object, message: str
-) -> None:
-    content = json.loads(json.dumps(promises.as_dict()))
-    place = content
-    for key in path[:-1]:
-        place = place[key]
-    place[path[-1]] = value
-    file = tmp_path / "p.json"
-    file.write_text(json.dumps(content))
-    with pytest.raises(FormatError, match=message):
-        Promises.load(file)
-
-
-def test_every_entry_of_a_promise_file_is_needed(promises: Promises, tmp_path: Path) -> None:
-    file = tmp_path / "p.json"
-    whole = json.loads(json.dumps(promises.as_dict()))
-    for key in whole:
-        file.write_text(json.dumps({k: v for k, v in whole.items() if k != key}))
-        with pytest.raises(FormatError, match=key):
-            Promises.load(file)
-    for key in whole["promises"][0]:
-        one = {k: v for k, v in whole["promises"][0].items() if k != key}
-        file.write_text(json.dumps({**whole, "promises": [one]}))
-        with pytest.raises(FormatError, match=key):
-            Promises.load(file)

@@ -16,6 +16,7 @@ import polars as pl
 import pytest
 
 import graspcast
+from commands import refused
 from graspcast.bop.results import write_results
 from graspcast.bop.units import millimetres
 from graspcast.cli import main, parser
@@ -77,17 +78,6 @@ def train(world: Path, *more: str, names: str = "abc") -> list[str]:
 def predict(world: Path, *more: str, names: str = "abc") -> list[str]:
     paths = ["--model", str(world / "m.npz"), "--out", str(world / "v.csv")]
     return ["predict", *inputs(world, names), *paths, *more]
-
-
-def refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    """Exit code 2, one message on standard error, nothing on standard output."""
-    capsys.readouterr()
-    assert main(arguments) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert "Traceback" not in err
-    assert len(err.strip().splitlines()) == 1, err
-    return err
 
 
 def test_from_estimates_to_verdicts(world: Path, capsys: pytest.CaptureFixture[str]) -> None:

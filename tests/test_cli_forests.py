@@ -12,6 +12,7 @@ import polars as pl
 import pytest
 
 import synthetic
+from commands import refused
 from graspcast.bop.results import Results, write_results
 from graspcast.bop.units import millimetres
 from graspcast.cli import main
@@ -118,15 +119,6 @@ def predict(
 def verdicts(out: Path) -> list[dict[str, str]]:
     with (out / "v.csv").open() as stream:
         return list(csv.DictReader(stream))
-
-
-def refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    capsys.readouterr()
-    assert main(arguments) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert "Traceback" not in err
-    return err
 
 
 def test_an_object_known_by_simulated_trials_alone(

@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from commands import refused
 from graspcast.bop.results import write_results
 from graspcast.cli import main
 from graspcast.drift import DriftMonitor
@@ -76,15 +77,6 @@ def certify(world: Path, out: Path, *more: str, part: str = "field") -> list[str
     paths = ["--model", str(world / "m.npz"), "--outcomes", str(world / f"{part}.csv")]
     inputs = ["--bop", str(world / "made"), *estimates(world, part)]
     return ["certify", *inputs, *paths, "--out", str(out), *more]
-
-
-def refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    capsys.readouterr()
-    assert main(arguments) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert "Traceback" not in err
-    return err
 
 
 def test_from_outcomes_to_a_promise(

@@ -8,6 +8,8 @@ import numpy as np
 from numpy import ndarray
 from scipy.special import expit
 
+ASKED = {"rate": 0.9, "confidence": 0.9}
+
 
 @dataclass(frozen=True)
 class World:
@@ -75,3 +77,8 @@ class Truth:
 
     def _count(self, threshold: float) -> int:
         return max(1, int(np.searchsorted(-self.descending, -threshold, side="right")))
+
+
+def drawn(world: World, number: int) -> tuple[ndarray, ndarray, ndarray]:
+    """The calibration data of one of the world's seeds."""
+    return world.draw(np.random.default_rng([1, number]), world.scenes)

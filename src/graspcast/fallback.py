@@ -58,8 +58,7 @@ class Fallbacks:
         out, lacks = [], []
         for forecaster in self.forecasters:
             card = forecaster.card
-            lacking = [n for n in (card.principal, *card.supporters) if n not in estimators]
-            if lacking:
+            if lacking := card.lacking(estimators):
                 lacks.append(f"{', '.join(lacking)} for the model with {len(card.supporters)}")
             else:
                 out.append(forecaster)

@@ -8,13 +8,22 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
+from jaxtyping import Float
+from numpy import ndarray
 
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results, dataset_of, read_results
-from graspcast.errors import FormatError, InputError, MismatchError, UnknownNameError
+from graspcast.errors import (
+    FormatError,
+    GraspcastError,
+    InputError,
+    MismatchError,
+    UnknownNameError,
+)
 from graspcast.estimates import Estimates, align, concatenate
 from graspcast.outcomes import read_all_outcomes
+from graspcast.truth import true_poses
 
 __all__ = ["Inputs", "load_inputs", "load_outcomes"]
 
@@ -43,6 +52,14 @@ class Inputs:
         """Those that have results on every dataset."""
         tables = list(self.results.values())
         return tuple(name for name in tables[0] if all(name in table for table in tables))
+
+    def truth(self, estimates: Estimates, principal: str) -> Float[ndarray, "n 4 4"] | None:
+        """``cam_T_obj`` of the instances; None, and a note of why, without ground truth."""
+        try:
+            return true_poses(estimates, principal, self.datasets)
+        except GraspcastError as error:
+            self.notes.append(f"the direct forest alone, since two stages need truth: {error}")
+            return None
 
     def estimates(
         self, anchor: str | None = None, *, only: Collection[str] | None = None

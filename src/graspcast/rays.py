@@ -17,7 +17,10 @@ from numpy import ndarray
 
 from graspcast.geometry import rotation_from_vector, rotation_vector, transform
 
-__all__ = ["displaced", "error_along", "obj_R_ray", "ray_frame", "relative"]
+__all__ = ["compressed", "displaced", "error_along", "obj_R_ray", "ray_frame", "relative"]
+
+_SPREAD = np.array([0.003, 0.003, 0.008, 0.07, 0.07, 0.07])
+"""Typical sizes of :func:`relative`'s numbers."""
 
 
 def ray_frame(cam_T_obj: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 3 3"]:
@@ -56,6 +59,12 @@ def relative(
     return np.concatenate(
         [shift / np.where(distance > 0, distance, 1.0), rotation_vector(turn)], axis=-1
     )
+
+
+def compressed(by: Float[ndarray, "*batch 6"]) -> Float[ndarray, "*batch 6"]:
+    """:func:`relative`'s numbers over their typical sizes, large ones by their logarithm."""
+    scaled = by / _SPREAD
+    return np.sign(scaled) * np.log1p(np.abs(scaled))
 
 
 def displaced(

@@ -15,8 +15,9 @@ from graspcast.bop.models import Models
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
 from graspcast.estimates import Estimates, assign, instance_numbers
+from graspcast.pose_error import nearest_symmetric
 
-__all__ = ["MEASURES", "match", "measure", "summarise", "true_poses"]
+__all__ = ["MEASURES", "match", "measure", "nearest_truth", "summarise", "true_poses"]
 
 MEASURES = {
     "rotation_deg": "angle between the rotations, symmetries taken into account",
@@ -86,6 +87,30 @@ def true_poses(
         keys = (estimates.scene_id[rows], estimates.im_id[rows], estimates.obj_id[rows])
         found = _matched(keys, estimates.of(principal)[rows, :3, 3], truth)
         out[rows[found >= 0]] = truth.cam_T_obj[found[found >= 0]]
+    return out
+
+
+def nearest_truth(
+    est_T_true: Float[ndarray, "n 4 4"],
+    dataset: ndarray,
+    obj_id: Int[ndarray, "n"],
+    models: Mapping[str, Models],
+) -> Float[ndarray, "n 4 4"]:
+    """Each true pose, seen from an estimate, turned by the symmetry that brings it nearest.
+
+    A turn by a symmetry is no error, but carried over to another object it would be one. Poses that
+    are not known (NaN) stay as they are.
+
+    Args:
+        est_T_true: ``inv(cam_T_est) @ cam_T_true``.
+        dataset, obj_id: Of which object each is, (n,).
+        models: Dataset's name to its object models.
+    """
+    out = est_T_true.copy()
+    known = np.isfinite(out).all(axis=(1, 2))
+    for name, number in set(zip(dataset.tolist(), obj_id.tolist(), strict=True)):
+        mine = known & (dataset == name) & (obj_id == number)
+        out[mine] = nearest_symmetric(out[mine], models[name][number].symmetries)
     return out
 
 

@@ -98,10 +98,9 @@ def _compare(options: argparse.Namespace) -> None:
 
 def _lessons(options: argparse.Namespace, inputs: Inputs) -> list[Lessons]:
     """Those of each estimator that has outcomes with the gripper."""
-    from graspcast.errors import GraspcastError, MismatchError, UnknownNameError
+    from graspcast.errors import MismatchError, UnknownNameError
     from graspcast.inputs import load_outcomes
     from graspcast.learning.lessons import lessons
-    from graspcast.truth import true_poses
 
     # Before outcomes are read: a consensus takes two, whatever they say.
     names = inputs.estimates().estimators
@@ -112,11 +111,7 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> list[Lessons]:
     found = []
     for name in names:
         estimates = inputs.estimates(name)
-        truth = None
-        try:
-            truth = true_poses(estimates, name, inputs.datasets)
-        except GraspcastError as error:
-            inputs.notes.append(f"the direct forest alone, since two stages need truth: {error}")
+        truth = inputs.truth(estimates, name)
         learned = lessons(estimates, outcomes, name, options.gripper, truth=truth)
         try:
             untried = learned.samples.untried

@@ -180,7 +180,7 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> Lessons:
     """All that the options give to learn from; says what they lack."""
     import numpy as np
 
-    from graspcast.errors import GraspcastError, InputError
+    from graspcast.errors import InputError
     from graspcast.inputs import load_outcomes
     from graspcast.learning.lessons import ErrorOutcomes, lessons
     from graspcast.learning.samples import join
@@ -200,12 +200,10 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> Lessons:
         raise InputError("there is nothing to learn from: give --outcomes, --simulated, or both")
     truth = None
     if options.method in ("blend", "two-stage"):
-        try:
+        if options.method == "two-stage" or outcomes is None:
             truth = true_poses(estimates, options.principal, inputs.datasets)
-        except GraspcastError as error:
-            if options.method == "two-stage" or outcomes is None:
-                raise
-            inputs.notes.append(f"the direct forest alone, since two stages need truth: {error}")
+        else:
+            truth = inputs.truth(estimates, options.principal)
         if truth is not None and (without := int(np.isnan(truth[:, 0, 0]).sum())):
             inputs.notes.append(f"{without} instances have no ground truth")
     return lessons(

@@ -20,6 +20,7 @@ __all__ = [
     "add_json",
     "add_out",
     "add_outcomes",
+    "add_strange",
     "add_verb",
     "inputs_of",
     "positive",
@@ -136,6 +137,12 @@ def share(text: str) -> float:
     if not 0.0 <= value <= 1.0:
         raise argparse.ArgumentTypeError(f"a number between 0 and 1 is needed, not {text!r}")
     return value
+
+
+def add_strange(verb: argparse.ArgumentParser, what: str) -> None:
+    """``--strange P``; a promise holds only for verdicts with the same."""
+    # graspcast.verdict.STRANGE, to name which would load NumPy for every --help.
+    verb.add_argument("--strange", metavar="P", type=share, default=0.01, help=what)
 
 
 def add_out(verb: argparse.ArgumentParser, what: str) -> None:

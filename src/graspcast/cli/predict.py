@@ -8,7 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text
-from graspcast.cli.options import Verbs, add_inputs, add_out, add_verb, inputs_of, share
+from graspcast.cli.options import (
+    Verbs,
+    add_inputs,
+    add_out,
+    add_strange,
+    add_verb,
+    inputs_of,
+    share,
+)
 from graspcast.errors import MismatchError
 
 if TYPE_CHECKING:
@@ -54,13 +62,10 @@ def add_verbs(verbs: Verbs) -> None:
         default=[],
         help="from certify: its threshold instead; one for each model",
     )
-    verb.add_argument(
-        "--strange",
-        metavar="P",
-        type=share,
-        default=0.01,
-        help="abstain where a disagreement is so unusual that training has at most this share of "
-        "such; 0 trusts every forecast (default: 0.01)",
+    add_strange(
+        verb,
+        "abstain where a disagreement is so unusual that training has at most this share of such; "
+        "0 trusts every forecast (default: 0.01)",
     )
     verb.add_argument(
         "--explain", action="store_true", help="say in each reason what moved the probability most"
@@ -85,7 +90,7 @@ def _predict(options: argparse.Namespace) -> None:
     for forecaster in usable:
         card = forecaster.card
         try:
-            estimates = inputs.estimates(card.principal, only=(card.principal, *card.supporters))
+            estimates = inputs.estimates(card.principal, only=card.estimators)
         except MismatchError as error:  # no instance has all of these
             if forecaster is usable[-1] and not answered:
                 raise
@@ -164,20 +169,16 @@ def _verdicts(
     """The verdict of one model on every instance, by scene, image, object and instance."""
     from dataclasses import replace
 
-    from graspcast.verdict import decide, verdict_rows
+    from graspcast.verdict import verdict_rows
 
     threshold, promise = terms
-    count = len(estimates)
-    moved = forecaster.explain(estimates, models) if options.explain else [()] * count
-    found = zip(
-        forecaster.probability(estimates, models).tolist(),
-        forecaster.p_value(estimates).tolist(),
-        moved,
-        strict=True,
+    verdicts = forecaster.verdicts(
+        estimates,
+        models,
+        threshold=threshold,
+        promise=promise,
+        strange=options.strange,
+        explain=options.explain,
     )
-    verdicts = [
-        decide(p, threshold, promise=promise, p_value=usual, strange=options.strange, moved=why)
-        for p, usual, why in found
-    ]
     verdicts = [replace(verdict, reason=verdict.reason + told) for verdict in verdicts]
     yield from verdict_rows(estimates, verdicts, forecaster.card.gripper)

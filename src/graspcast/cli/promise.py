@@ -13,6 +13,7 @@ from graspcast.cli.options import (
     add_json,
     add_out,
     add_outcomes,
+    add_strange,
     add_verb,
     inputs_of,
     share,
@@ -62,13 +63,7 @@ def _add_certify(verbs: Verbs) -> None:
         help="whether every attempt counts (default), or every unit with attempts, which needs "
         "fewer units and promises less",
     )
-    verb.add_argument(
-        "--strange",
-        metavar="P",
-        type=share,
-        default=0.01,
-        help="as for predict: so unusual a disagreement is not attempted (default: 0.01)",
-    )
+    add_strange(verb, "as for predict: so unusual a disagreement is not attempted (default: 0.01)")
     verb.add_argument("--per-object", action="store_true", help="a promise for each object too")
     verb.add_argument(
         "--simultaneous",

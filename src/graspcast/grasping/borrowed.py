@@ -18,9 +18,8 @@ from graspcast.bop.results import Results
 from graspcast.errors import InputError, MismatchError
 from graspcast.geometry import compose, invert, rotation_from_quaternion
 from graspcast.grasping.requests import TrialRequests
-from graspcast.pose_error import nearest_symmetric
 from graspcast.rays import error_along, relative
-from graspcast.truth import match
+from graspcast.truth import match, nearest_truth
 
 __all__ = ["BORROWED", "borrowed_trials"]
 
@@ -95,14 +94,11 @@ def _errors(
             rows, poses, distance = (part[distance > 0] for part in (rows, poses, distance))
             names.append([f"{dataset}-{number}" for number in table.obj_id[rows].tolist()])
             distances.append(distance)
-            true = truth.cam_T_obj[matched[rows]]
-            for number in np.unique(table.obj_id[rows]).tolist():
-                # A whole turn of a symmetric object is no error, but would be one of another.
-                mine = table.obj_id[rows] == number
-                near = nearest_symmetric(
-                    compose(invert(poses[mine]), true[mine]),
-                    datasets[dataset].models[number].symmetries,
-                )
-                true[mine] = compose(poses[mine], near)
-            truths.append(relative(poses, true))
+            near = nearest_truth(
+                compose(invert(poses), truth.cam_T_obj[matched[rows]]),
+                np.full(len(rows), dataset),
+                table.obj_id[rows],
+                {dataset: datasets[dataset].models},
+            )
+            truths.append(relative(poses, compose(poses, near)))
     return np.concatenate(names), np.concatenate(distances), np.concatenate(truths)

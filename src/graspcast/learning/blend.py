@@ -23,6 +23,7 @@ from graspcast.learning.apart import Apart
 from graspcast.learning.forests import Forest, flatten
 from graspcast.learning.lesson_table import LessonTable
 from graspcast.learning.lessons import Lessons
+from graspcast.learning.predictors import one_hot_numbers
 from graspcast.learning.two_stage import ErrorModel, Survival, expected_survival
 
 __all__ = ["Blend", "ForestSettings"]
@@ -154,9 +155,9 @@ class Blend:
             )
         if self.direct is None:
             return np.stack([staged, staged])
-        one_hot = np.concatenate([np.eye(len(self.tried)), np.zeros((1, len(self.tried)))])
+        which = one_hot_numbers(numbers, len(self.tried))
         guide = np.broadcast_to(self.estimator, (len(features), len(self.estimator)))
-        direct = self.direct.mean(np.concatenate([features, one_hot[numbers], guide], axis=1))
+        direct = self.direct.mean(np.concatenate([features, which, guide], axis=1))
         # The direct forest knows only objects with outcomes, but is better than no answer.
         weight = np.where((numbers >= 0) & self.tried[numbers], self.weight, 0.0)
         weight = np.where(np.isnan(staged), 1.0, weight)
@@ -221,65 +222,81 @@ class Blend:
 
 def _grow(table: LessonTable, rows: Bool[ndarray, "n"], settings: ForestSettings) -> Blend:
     """Forests of some of the instances, not calibrated."""
-    count = table.objects
-    k = len(table.success)
     guide, instance = np.nonzero(~np.isnan(table.success) & rows)
-    outcome = table.success[guide, instance] == 1
-    tried = np.bincount(table.numbers[instance], minlength=count) > 0
-    direct = None
-    if settings.direct > 0 and outcome.any() and not outcome.all():
-        from sklearn.ensemble import ExtraTreesClassifier
-
-        inputs = np.concatenate(
-            [
-                table.features[guide, instance],
-                np.eye(count)[table.numbers[instance]],
-                np.eye(k)[guide],
-            ],
-            axis=1,
-        )
-        model = ExtraTreesClassifier(
-            settings.trees,
-            min_samples_leaf=2,
-            max_features=0.5,
-            random_state=settings.seed,
-            n_jobs=-1,
-        ).fit(inputs.astype(np.float32), outcome)
-        direct = flatten(model)
-    errors = survival = None
-    known = np.zeros(count, dtype=bool)
+    tried = np.bincount(table.numbers[instance], minlength=table.objects) > 0
     columns = _columns(table.names)
+    direct = errors = survival = None
+    known = np.zeros(table.objects, dtype=bool)
+    if settings.direct > 0:
+        direct = _grow_direct(table, guide, instance, settings)
     donors = rows & np.isfinite(table.truth[table.principal]).all(axis=1)
     if settings.direct < 1 and donors.any():
-        has_error = np.isfinite(table.obj_T_est[guide, instance]).all(axis=(1, 2))
-        guide, instance, outcome = guide[has_error], instance[has_error], outcome[has_error]
-        trials = [(table.obj_T_est[guide, instance], table.numbers[instance], outcome)]
-        if table.simulated is not None:
-            # What was tried is better known than what was simulated.
-            lacking = ~tried[table.simulated[1]]
-            trials.append(tuple(part[lacking] for part in table.simulated))
-        poses, numbers, success = (np.concatenate(part) for part in zip(*trials, strict=True))
-        known = np.bincount(numbers, minlength=count) > 0
+        poses, numbers, success = _trials(table, guide, instance, tried)
+        known = np.bincount(numbers, minlength=table.objects) > 0
         if known.any():
+            forest = {"trees": settings.trees, "seed": settings.seed}
             inputs = table.own[donors][:, columns[: columns[-1]]]
-            errors = ErrorModel.fit(
-                inputs, table.truth[table.principal][donors], trees=settings.trees,
-                seed=settings.seed,
-            )  # fmt: skip
-            survival = Survival.fit(
-                poses, numbers, success, objects=count, trees=settings.trees, seed=settings.seed
-            )
+            errors = ErrorModel.fit(inputs, table.truth[table.principal][donors], **forest)
+            survival = Survival.fit(poses, numbers, success, objects=table.objects, **forest)
     if direct is None and survival is None:
         raise InputError(
             "there is nothing to learn from: two stages need ground truth and outcomes or "
             "simulated trials, the direct forest needs outcomes"
         )
-    estimator = np.eye(k)[table.principal]
+    estimator = np.eye(len(table.success))[table.principal]
     identity = np.array([[1.0, 0.0], [1.0, 0.0]])
     return Blend(
         direct, errors, survival, estimator, tried, known, settings.direct, settings.draws,
         columns, identity,
     )  # fmt: skip
+
+
+def _grow_direct(
+    table: LessonTable,
+    guide: Int[ndarray, "m"],
+    instance: Int[ndarray, "m"],
+    settings: ForestSettings,
+) -> Forest | None:
+    """The direct forest of tried grasps, by who guided them; None if all came out alike."""
+    from sklearn.ensemble import ExtraTreesClassifier
+
+    outcome = table.success[guide, instance] == 1
+    if not outcome.any() or outcome.all():
+        return None
+    who = np.eye(len(table.success))[guide]
+    which = np.eye(table.objects)[table.numbers[instance]]
+    inputs = np.concatenate([table.features[guide, instance], which, who], axis=1)
+    model = ExtraTreesClassifier(
+        settings.trees,
+        min_samples_leaf=2,
+        max_features=0.5,
+        random_state=settings.seed,
+        n_jobs=-1,
+    ).fit(inputs.astype(np.float32), outcome)
+    return flatten(model)
+
+
+def _trials(
+    table: LessonTable,
+    guide: Int[ndarray, "m"],
+    instance: Int[ndarray, "m"],
+    tried: Bool[ndarray, "o"],
+) -> tuple[Float[ndarray, "t 4 4"], Int[ndarray, "t"], Bool[ndarray, "t"]]:
+    """Errors, objects and outcomes: of tried grasps, and simulated ones of objects without any."""
+    has_error = np.isfinite(table.obj_T_est[guide, instance]).all(axis=(1, 2))
+    guide, instance = guide[has_error], instance[has_error]
+    poses, numbers = table.obj_T_est[guide, instance], table.numbers[instance]
+    success = table.success[guide, instance] == 1
+    if table.simulated is None:
+        return poses, numbers, success
+    # What was tried is better known than what was simulated.
+    lacking = ~tried[table.simulated[1]]
+    more = [part[lacking] for part in table.simulated]
+    return (
+        np.concatenate([poses, more[0]]),
+        np.concatenate([numbers, more[1]]),
+        np.concatenate([success, more[2]]),
+    )
 
 
 def _columns(names: Sequence[str]) -> Int[ndarray, "c"]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -49,6 +49,15 @@ class Card:
     scores: dict[str, dict[str, Any]] = field(default_factory=dict)
     simulated: tuple[str, ...] = ()
     scenes: tuple[str, ...] = ()
+
+    @property
+    def estimators(self) -> tuple[str, ...]:
+        """All that it needs, the principal first."""
+        return (self.principal, *self.supporters)
+
+    def lacking(self, given: Collection[str]) -> list[str]:
+        """The estimators that it needs and are not given."""
+        return [name for name in self.estimators if name not in given]
 
     @property
     def digest(self) -> str:

@@ -19,11 +19,9 @@ from numpy import ndarray
 
 from graspcast.estimates import Estimates
 from graspcast.learning.samples import scene_groups
-from graspcast.rays import relative
+from graspcast.rays import compressed, relative
 
 __all__ = ["Familiarity"]
-
-_SPREAD = np.array([0.003, 0.003, 0.008, 0.07, 0.07, 0.07])
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +74,8 @@ def disagreement(
 ) -> Float[ndarray, "n d"]:
     """Each supporter in the principal's ray frame, small differences as they are."""
     pose = estimates.of(principal)
-    seen = [relative(pose, estimates.of(name)) / _SPREAD for name in supporters]
-    rows = np.concatenate(seen, axis=1)
-    return np.sign(rows) * np.log1p(np.abs(rows))
+    seen = [compressed(relative(pose, estimates.of(name))) for name in supporters]
+    return np.concatenate(seen, axis=1)
 
 
 def _shape(rows: Float[ndarray, "n d"]) -> tuple[Float[ndarray, "d"], Float[ndarray, "d d"]]:

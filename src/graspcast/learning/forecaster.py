@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import repeat
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -78,12 +79,8 @@ class Forecaster:
         Raises:
             MismatchError: for other estimators or objects than it was trained for.
         """
-        card = self.card
-        self._check_estimators(estimates.estimators)
-        values = features_of(self._mine(estimates), card.principal, card.features, models).values
-        return self.predictor.probability(
-            values, self._object_numbers(estimates.objects, unseen_objects)
-        )
+        found, numbers = self._inputs(estimates, models, unseen_objects)
+        return self.predictor.probability(found.values, numbers)
 
     def p_value(self, estimates: Estimates) -> Float[ndarray, "n"]:
         """How usual each instance's disagreement is (see :mod:`graspcast.learning.familiarity`).
@@ -108,11 +105,43 @@ class Forecaster:
         Raises:
             MismatchError: as :meth:`probability`.
         """
-        card = self.card
-        self._check_estimators(estimates.estimators)
-        found = features_of(self._mine(estimates), card.principal, card.features, models)
-        numbers = self._object_numbers(estimates.objects)
-        return influences(self.predictor, found, numbers, self.typical)
+        return influences(self.predictor, *self._inputs(estimates, models), self.typical)
+
+    def verdicts(
+        self,
+        estimates: Estimates,
+        models: Mapping[str, Models] | None = None,
+        *,
+        threshold: float | None = 0.5,
+        promise: str | None = None,
+        strange: float = STRANGE,
+        explain: bool = False,
+    ) -> list[Verdict]:
+        """The verdict on every instance.
+
+        Args:
+            estimates, models: As for :meth:`probability`.
+            threshold: Attempt at this probability or above it; None attempts nothing.
+            promise: What the threshold was certified to keep.
+            strange: Abstain where :meth:`p_value` is this or less; 0 attempts the unfamiliar too.
+            explain: Say what moved the probability (see :meth:`explain`).
+
+        Raises:
+            MismatchError: as :meth:`probability`.
+        """
+        found, numbers = self._inputs(estimates, models)
+        moved: Iterable[tuple[tuple[str, float], ...]] = repeat((), len(estimates))
+        if explain:
+            moved = influences(self.predictor, found, numbers, self.typical)
+        return [
+            decide(p, threshold, promise=promise, p_value=usual, strange=strange, moved=why)
+            for p, usual, why in zip(
+                self.predictor.probability(found.values, numbers).tolist(),
+                self.p_value(estimates).tolist(),
+                moved,
+                strict=True,
+            )
+        ]
 
     def predict(
         self,
@@ -131,8 +160,7 @@ class Forecaster:
             object_name: ``dataset-number``, as in ``lmo-1``.
             threshold: Attempt at this probability or above it.
             models: As for :meth:`probability`.
-            strange: Abstain where :meth:`p_value` is this or less; 0 attempts the unfamiliar too.
-            explain: Say what moved the probability (see :meth:`explain`).
+            strange, explain: As for :meth:`verdicts`.
 
         Raises:
             MismatchError: for other estimators or objects than it was trained for.
@@ -155,21 +183,24 @@ class Forecaster:
             inst_id=one,
             cam_T_obj=np.stack([np.asarray(p, np.float64)[None] for p in poses.values()]),
         )
-        return decide(
-            float(self.probability(estimates, models)[0]),
-            threshold,
-            p_value=float(self.p_value(estimates)[0]),
-            strange=strange,
-            moved=self.explain(estimates, models)[0] if explain else (),
+        (verdict,) = self.verdicts(
+            estimates, models, threshold=threshold, strange=strange, explain=explain
         )
+        return verdict
 
-    def _mine(self, estimates: Estimates) -> Estimates:
-        return estimates.only(self.card.principal, *self.card.supporters)
+    def _inputs(
+        self, estimates: Estimates, models: Mapping[str, Models] | None, unseen: bool = False
+    ) -> tuple[Features, ndarray]:
+        """What the predictor sees: each instance's features, and its object's number."""
+        card = self.card
+        self._check_estimators(estimates.estimators)
+        mine = estimates.only(*card.estimators)
+        found = features_of(mine, card.principal, card.features, models)
+        return found, self._object_numbers(estimates.objects, unseen)
 
     def _check_estimators(self, given: Collection[str]) -> None:
         card = self.card
-        lacking = [name for name in (card.principal, *card.supporters) if name not in given]
-        if lacking:
+        if lacking := card.lacking(given):
             raise MismatchError(
                 f"this model needs estimates by {card.principal} (principal) and "
                 f"{', '.join(card.supporters)}, but there are none by {', '.join(lacking)}; "

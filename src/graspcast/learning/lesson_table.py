@@ -15,8 +15,8 @@ from graspcast.geometry import compose, invert
 from graspcast.learning.lessons import Lessons
 from graspcast.learning.predictors import UNSEEN
 from graspcast.learning.samples import scene_groups
-from graspcast.pose_error import nearest_symmetric
 from graspcast.rays import relative
+from graspcast.truth import nearest_truth
 
 __all__ = ["LessonTable"]
 
@@ -77,13 +77,9 @@ class LessonTable:
             names = found.names if name == lessons.principal else names
             features.append(found.values)
             poses = estimates.of(name)
-            # A turn by a symmetry is no error.
-            est_T_true = compose(invert(poses), lessons.truth)
-            for key in set(zip(estimates.dataset.tolist(), estimates.obj_id.tolist(), strict=True)):
-                mine = (estimates.dataset == key[0]) & (estimates.obj_id == key[1])
-                mine &= lessons.has_truth
-                symmetries = models[key[0]][key[1]].symmetries
-                est_T_true[mine] = nearest_symmetric(est_T_true[mine], symmetries)
+            est_T_true = nearest_truth(
+                compose(invert(poses), lessons.truth), estimates.dataset, estimates.obj_id, models
+            )
             near = compose(poses, est_T_true)
             truths.append(np.full((len(near), 6), np.nan))
             truths[-1][lessons.has_truth] = relative(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.errors import InputError, MismatchError
@@ -16,10 +16,22 @@ from graspcast.learning.mlp import Mlp
 from graspcast.learning.mlp_training import MlpSettings, Problem, Watch, train
 from graspcast.learning.networks import validation_part
 
-__all__ = ["UNSEEN", "NetworkEnsemble", "NetworkSettings", "Predictor", "Thresholds"]
+__all__ = [
+    "UNSEEN",
+    "NetworkEnsemble",
+    "NetworkSettings",
+    "Predictor",
+    "Thresholds",
+    "one_hot_numbers",
+]
 
 UNSEEN = -1
 """The number of an object that was not trained on."""
+
+
+def one_hot_numbers(numbers: Int[ndarray, "n"], count: int) -> Float[ndarray, "n count"]:
+    """A one for the object of each row; for an unseen one, which is none of them, zeros."""
+    return np.concatenate([np.eye(count), np.zeros((1, count))])[numbers]
 
 
 @runtime_checkable
@@ -167,9 +179,7 @@ class NetworkEnsemble:
         scaled = (features - self.shift) / self.scale
         if not self.pools_objects:
             return scaled
-        # The last row is for unseen objects, which are none of the known.
-        one_hot = np.concatenate([np.eye(self.objects), np.zeros((1, self.objects))])
-        return np.concatenate([scaled, one_hot[objects]], axis=1)
+        return np.concatenate([scaled, one_hot_numbers(objects, self.objects)], axis=1)
 
     def probability(self, features: Float[ndarray, "n d"], objects: ndarray) -> Float[ndarray, "n"]:
         """Probability of success of each row, the members' average.

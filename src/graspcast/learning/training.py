@@ -13,6 +13,7 @@ from numpy import ndarray
 
 from graspcast._version import __version__
 from graspcast.bop.models import Models
+from graspcast.certification import unit_names
 from graspcast.consensus import FeatureSet
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.learning.blend import Blend, ForestSettings
@@ -115,7 +116,7 @@ def train_forecaster(
             "numpy": np.__version__,
         },
         simulated=tuple(sorted(simulated - with_outcomes)) if in_forests else (),
-        scenes=_scenes(estimates),
+        scenes=tuple(sorted(set(unit_names(estimates, "scene").tolist()))),
     )
     values = features_of(estimates, card.principal, card.features, models).values
     predictor: Blend | Thresholds | NetworkEnsemble
@@ -134,11 +135,6 @@ def train_forecaster(
         Familiarity.fit(estimates, card.principal),
         np.median(values, axis=0),
     )
-
-
-def _scenes(estimates: Any) -> tuple[str, ...]:
-    pairs = zip(estimates.dataset.tolist(), estimates.scene_id.tolist(), strict=True)
-    return tuple(sorted({f"{dataset}/{scene}" for dataset, scene in pairs}))
 
 
 def cross_validated(

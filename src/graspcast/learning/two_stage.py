@@ -22,13 +22,9 @@ from numpy import ndarray
 
 from graspcast.geometry import rotation_vector
 from graspcast.learning.forests import Forest, flatten, walk
+from graspcast.rays import compressed
 
 __all__ = ["ErrorModel", "Survival", "expected_survival"]
-
-_SPREAD = np.array([0.003, 0.003, 0.008, 0.07, 0.07, 0.07])
-"""Typical sizes of where the truth lies (over the distance; radians): they weigh the forest's
-outputs against one another, and large ones count by their logarithm."""
-_SURVIVAL_INPUTS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +53,9 @@ class ErrorModel:
         """Learn from instances whose truth is known."""
         from sklearn.ensemble import ExtraTreesRegressor
 
-        scaled = truth / _SPREAD
-        target = np.sign(scaled) * np.log1p(np.abs(scaled))
         model = ExtraTreesRegressor(
             trees, min_samples_leaf=2, max_features=0.5, random_state=seed, n_jobs=-1
-        ).fit(features.astype(np.float32), target)
+        ).fit(features.astype(np.float32), compressed(truth))
         forest = flatten(model)
         leaves = forest.leaves(features)
         counts = leaves.max(axis=0) + 1

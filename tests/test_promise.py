@@ -1,0 +1,76 @@
+"""Promises as files: read as they were written, and refused when damaged."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import graspcast
+from graspcast.certification import certify
+from graspcast.errors import FormatError, UnknownNameError
+from graspcast.promise import OVERALL, Promises
+from worlds import ASKED, World, drawn
+
+
+@pytest.fixture
+def promises() -> Promises:
+    probability, success, units = drawn(World(300, 2), 0)
+    objects = np.array(["d-1", "d-2"])[units % 2]
+    return certify(
+        probability, success, units, objects=objects, provenance={"gripper": "parallel"}, **ASKED
+    )
+
+
+def test_promises_are_read_as_they_were_written(promises: Promises, tmp_path: Path) -> None:
+    promises.save(tmp_path / "p.json")
+    assert Promises.load(tmp_path / "p.json") == promises
+    assert promises.overall.scope == OVERALL
+    assert promises.of("d-2").units == 150
+    assert isinstance(promises.overall, graspcast.Promise)
+    with pytest.raises(UnknownNameError, match=r"'d-7'.*d-1, d-2"):
+        promises.of("d-7")
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (["format"], 99, "format 99"),
+        (["weight"], "moon", "unknown weight 'moon'"),
+        (["rate"], "x", "certify again"),
+        (["promises"], [], "overall promise is not the first"),
+        (["promises", 0, "threshold"], 1.5, "not between 0 and 1"),
+        (["promises", 0, "units"], -1, "not a whole number"),
+        (["promises", 0, "scope"], "d-1", "overall promise is not the first"),
+        (["sequence", "thresholds"], [0.1], "one weight for each"),
+        (["sequence"], None, "certify again"),
+    ],
+)
+def test_damaged_promise_files_are_refused(
+    promises: Promises, tmp_path: Path, path: list[str | int], value: object, message: str
+) -> None:
+    content = json.loads(json.dumps(promises.as_dict()))
+    place = content
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    file = tmp_path / "p.json"
+    file.write_text(json.dumps(content))
+    with pytest.raises(FormatError, match=message):
+        Promises.load(file)
+
+
+def test_every_entry_of_a_promise_file_is_needed(promises: Promises, tmp_path: Path) -> None:
+    file = tmp_path / "p.json"
+    whole = json.loads(json.dumps(promises.as_dict()))
+    for key in whole:
+        file.write_text(json.dumps({k: v for k, v in whole.items() if k != key}))
+        with pytest.raises(FormatError, match=key):
+            Promises.load(file)
+    for key in whole["promises"][0]:
+        one = {k: v for k, v in whole["promises"][0].items() if k != key}
+        file.write_text(json.dumps({**whole, "promises": [one]}))
+        with pytest.raises(FormatError, match=key):
+            Promises.load(file)
