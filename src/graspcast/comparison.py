@@ -1,11 +1,9 @@
 """Which estimator should be the principal, and what each supporter is worth, by cross-validation.
 
-Every forecast compared here is of a scene that its forecaster has not seen. Differences are paired:
-the same instances, forecast in two ways, under the same draws of scenes with replacement (cluster
-bootstrap: Davison & Hinkley, *Bootstrap Methods and their Application*, 1997, 3.8), since instances
-of one scene are not independent. What decides is the area under the risk-coverage curve: the share
-of attempts that fail, averaged over all attempt rates. The other measures stand beside it, but one
-had to be fixed beforehand, lest the data choose the one that pleases.
+Every forecast compared here is of a scene that its forecaster has not seen. What decides is the
+area under the risk-coverage curve: the share of attempts that fail, averaged over all attempt
+rates. The other measures stand beside it, but one had to be fixed beforehand, lest the data choose
+the one that pleases.
 """
 
 from __future__ import annotations
@@ -21,69 +19,23 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
 from graspcast.learning.blend import ForestSettings
+from graspcast.learning.contrast import (
+    DECISIVE,
+    FORECAST,
+    STANDING,
+    Contrast,
+    Drawn,
+    Gain,
+    draw_rows,
+    figures_of,
+    gains,
+    under_draws,
+)
 from graspcast.learning.lessons import Lessons
 from graspcast.learning.samples import scene_groups
-from graspcast.learning.scores import score
 from graspcast.learning.training import cross_validated
 
-__all__ = [
-    "DECISIVE",
-    "FORECAST",
-    "STANDING",
-    "Comparison",
-    "Contrast",
-    "Gain",
-    "Judged",
-    "compare",
-]
-
-_ATTEMPTED = ("success_at_50", "success_at_70", "success_at_90")
-FORECAST = ("aurc", "auroc", "brier", *_ATTEMPTED)
-"""Measures of what supporters are worth."""
-STANDING = ("aurc", *_ATTEMPTED, "success")
-"""Measures of what grasps a principal guides; all attempted is the last."""
-DECISIVE = "aurc"
-"""The measure by which the recommendation is made."""
-_LOWER_IS_BETTER = ("aurc", "brier")
-_LEVEL = (2.5, 97.5)
-
-Drawn = dict[str, Float[ndarray, "b"]]
-"""Of each measure its value, and then its value under each draw of scenes."""
-
-
-@dataclass(frozen=True)
-class Gain:
-    """By how much something is better than something else: positive is better in every measure.
-
-    Attributes:
-        value: The difference.
-        low, high: Its 95 % interval; NaN where there are no two scenes to draw.
-    """
-
-    value: float
-    low: float
-    high: float
-
-    @property
-    def distinct(self) -> bool:
-        """Whether zero lies outside the interval."""
-        return self.low > 0 or self.high < 0
-
-    def __str__(self) -> str:
-        return f"{self.value:+.3f} [{self.low:+.3f}, {self.high:+.3f}]"
-
-
-@dataclass(frozen=True)
-class Contrast:
-    """Forecasts with some of the supporters, and how much better they are with all.
-
-    Attributes:
-        figures: Each of :data:`FORECAST`.
-        gain: By how much all supporters do better than these.
-    """
-
-    figures: Mapping[str, float]
-    gain: Mapping[str, Gain]
+__all__ = ["Comparison", "Judged", "compare"]
 
 
 @dataclass(frozen=True)
@@ -159,28 +111,37 @@ class Comparison:
         ]
         if others:
             by = self.ahead[best, others[0]][DECISIVE]
-            parts[0] += f", {by} from the next best, {others[0]}"
+            parts[0] += f", {by} against those of the next best, {others[0]}"
             tied = [name for name in others if not self.ahead[best, name][DECISIVE].distinct]
             if tied:
                 parts.append(f"the difference from {' and '.join(tied)} may be chance")
+            parts += filter(None, (self._more_at(name, best) for name in others))
         else:
             parts.append("no other principal has outcomes")
         return "; ".join([*parts, *self._worth(self.principals[best])])
+
+    def _more_at(self, other: str, best: str) -> str:
+        """At which attempt rates the lesser principal's grasps hold more often all the same."""
+        mine, theirs = self.standings[best], self.standings[other]
+        rates = zip(("50", "70", "90", "100"), STANDING[1:], strict=True)
+        more = {rate: theirs[name] for rate, name in rates if theirs[name] > mine[name]}
+        values = " / ".join(f"{value:.3f}" for value in more.values())
+        return f"{other}'s hold more often at {' / '.join(more)} % ({values})" if more else ""
 
     def _worth(self, judged: Judged) -> list[str]:
         if not judged.without:
             (only,) = (name for name in self.estimators if name != judged.principal)
             return [f"{only} is its only supporter, without which there is no forecast"]
-        gains = {name: found.gain[DECISIVE] for name, found in judged.without.items()}
+        by = {name: found.gain[DECISIVE] for name, found in judged.without.items()}
         kinds = {
-            "worth having": [name for name, gain in gains.items() if gain.low > 0],
+            "worth having": [name for name, gain in by.items() if gain.low > 0],
             "worth not distinguishable from zero beside the others": [
-                name for name, gain in gains.items() if not gain.distinct
+                name for name, gain in by.items() if not gain.distinct
             ],
-            "better left out": [name for name, gain in gains.items() if gain.high < 0],
+            "better left out": [name for name, gain in by.items() if gain.high < 0],
         }
         return [
-            f"{kind}: " + ", ".join(f"{name} ({gains[name]})" for name in names)
+            f"{kind}: " + ", ".join(f"{name} ({by[name]})" for name in names)
             for kind, names in kinds.items()
             if names
         ]
@@ -201,8 +162,8 @@ class Comparison:
                 "principals": self.standings,
                 "ahead": {
                     name: {
-                        other: {measure: asdict(gain) for measure, gain in gains.items()}
-                        for (first, other), gains in self.ahead.items()
+                        other: {measure: asdict(gain) for measure, gain in better.items()}
+                        for (first, other), better in self.ahead.items()
                         if first == name
                     }
                     for name in self.standings
@@ -231,8 +192,8 @@ def compare(
     Args:
         lessons: Of each principal that has outcomes: the same estimators, one gripper.
         models: Dataset's name to its object models.
-        forests: How forecasters are trained; by default with 64 trees, and not calibrated, which
-            costs Brier scores some thousandths and saves four fifths of the time.
+        forests: How forecasters are trained; by default with 64 trees, and not calibrated, since
+            that would train each of them several times.
         folds: How many parts the scenes are dealt into.
         seed: Of dealing scenes and of drawing them.
         bootstrap: How often the scenes are drawn.
@@ -251,7 +212,7 @@ def compare(
     done = 0
     found = []
     for learned, wanted in zip(lessons, subsets, strict=True):
-        probability = {}
+        forecasts = {}
         for supporters in wanted:
 
             def step(share: float, before: int = done) -> None:
@@ -263,28 +224,30 @@ def compare(
                 for name in learned.estimates.estimators
                 if name == learned.principal or name in supporters
             ]
-            probability[supporters] = cross_validated(learned.only(*kept), progress=step, **options)
+            forecasts[supporters] = cross_validated(learned.only(*kept), progress=step, **options)
             done += 1
-        found.append(_Forecasts.of(learned, probability))
+        found.append(_Forecasts.of(learned, forecasts))
     common = _common(found)
     standings: dict[str, Drawn] = {}
     scenes = 0
     if len(common[0]):
         groups = found[0].groups[common[0]]
         scenes = len(np.unique(groups))
-        draws = _draws(groups, bootstrap, seed)
+        draws = draw_rows(groups, bootstrap, seed)
         for each, rows in zip(found, common, strict=True):
-            all_ = each.probability[each.supporters][rows]
-            standings[each.principal] = _drawn(all_, each.success[rows], draws, STANDING)
+            probability = each.probability[each.supporters][rows]
+            standings[each.principal] = under_draws(
+                probability, each.success[rows], draws, STANDING
+            )
     return Comparison(
         gripper=lessons[0].gripper,
         estimators=lessons[0].estimates.estimators,
         principals={each.principal: each.judged(bootstrap, seed) for each in found},
         common=len(common[0]),
         scenes=scenes,
-        standings={name: _values(drawn) for name, drawn in standings.items()},
+        standings={name: figures_of(drawn) for name, drawn in standings.items()},
         ahead={
-            (one, other): _gains(standings[one], standings[other])
+            (one, other): gains(standings[one], standings[other])
             for one in standings
             for other in standings
             if one != other
@@ -369,15 +332,15 @@ class _Forecasts:
 
     def judged(self, bootstrap: int, seed: int) -> Judged:
         """Figures with all supporters and with some, and paired differences."""
-        draws = _draws(self.groups, bootstrap, seed)
+        draws = draw_rows(self.groups, bootstrap, seed)
         drawn = {
-            names: _drawn(probability, self.success, draws, FORECAST)
+            names: under_draws(probability, self.success, draws, FORECAST)
             for names, probability in self.probability.items()
         }
         every = drawn[self.supporters]
 
         def contrast(names: tuple[str, ...]) -> Contrast:
-            return Contrast(_values(drawn[names]), _gains(every, drawn[names]))
+            return Contrast(figures_of(drawn[names]), gains(every, drawn[names]))
 
         several = self.supporters if len(self.supporters) > 1 else ()
         return Judged(
@@ -386,7 +349,7 @@ class _Forecasts:
             self.unjudged,
             len(np.unique(self.groups)),
             float(self.success.mean()),
-            _values(every),
+            figures_of(every),
             {name: contrast(tuple(n for n in self.supporters if n != name)) for name in several},
             {name: contrast((name,)) for name in several},
         )
@@ -396,44 +359,6 @@ def _common(found: Sequence[_Forecasts]) -> list[Int[ndarray, "m"]]:
     """The rows of each principal's that all principals have, in one order."""
     shared = sorted(set.intersection(*(set(each.places) for each in found)))
     return [np.array([each.places[key] for key in shared], dtype=np.int64) for each in found]
-
-
-def _draws(groups: ndarray, bootstrap: int, seed: int) -> list[Int[ndarray, "m"]]:
-    """Rows of scenes drawn with replacement; none where there are no two scenes."""
-    names, number = np.unique(groups, return_inverse=True)
-    if len(names) < 2:
-        return []
-    rows = [np.flatnonzero(number == i) for i in range(len(names))]
-    chosen = np.random.default_rng(seed).integers(len(names), size=(bootstrap, len(names)))
-    return [np.concatenate([rows[i] for i in one]) for one in chosen.tolist()]
-
-
-def _drawn(
-    probability: Float[ndarray, "n"],
-    success: Bool[ndarray, "n"],
-    draws: Sequence[Int[ndarray, "m"]],
-    measures: Sequence[str],
-) -> Drawn:
-    together = np.zeros(len(success), dtype=np.int64)  # accuracy, over objects, is not asked for
-    found = [
-        score(probability[rows], success[rows], together[rows])
-        for rows in (np.arange(len(success)), *draws)
-    ]
-    return {name: np.array([getattr(one, name) for one in found]) for name in measures}
-
-
-def _values(drawn: Drawn) -> dict[str, float]:
-    return {name: float(values[0]) for name, values in drawn.items()}
-
-
-def _gains(mine: Drawn, other: Drawn) -> dict[str, Gain]:
-    out = {}
-    for name, values in mine.items():
-        better = (other[name] - values) if name in _LOWER_IS_BETTER else (values - other[name])
-        under = better[1:][~np.isnan(better[1:])]  # a draw with one class has no AUROC
-        low, high = np.percentile(under, _LEVEL) if len(under) else (np.nan, np.nan)
-        out[name] = Gain(float(better[0]), float(low), float(high))
-    return out
 
 
 def _plain(value: Any) -> Any:

@@ -20,8 +20,9 @@ from graspcast.cli.options import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from graspcast.comparison import Comparison, Contrast, Judged
+    from graspcast.comparison import Comparison, Judged
     from graspcast.inputs import Inputs
+    from graspcast.learning.contrast import Contrast
     from graspcast.learning.lessons import Lessons
 
 __all__ = ["add_verbs"]
@@ -134,7 +135,7 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> list[Lessons]:
 
 
 def _print(found: Comparison) -> None:
-    from graspcast.comparison import STANDING
+    from graspcast.learning.contrast import STANDING
 
     for judged in found.principals.values():
         _print_principal(judged, found.gripper)
@@ -160,7 +161,7 @@ def _print(found: Comparison) -> None:
 
 
 def _print_principal(judged: Judged, gripper: str) -> None:
-    from graspcast.comparison import FORECAST
+    from graspcast.learning.contrast import FORECAST
 
     rows = [["all", *_figures(judged.figures, FORECAST), "-", "-"]]
     rows += _rows("without", judged.without)
@@ -178,7 +179,7 @@ def _print_principal(judged: Judged, gripper: str) -> None:
 
 
 def _rows(word: str, contrasts: Mapping[str, Contrast]) -> list[list[str]]:
-    from graspcast.comparison import FORECAST
+    from graspcast.learning.contrast import FORECAST
 
     return [
         [
