@@ -111,13 +111,22 @@ class Comparison:
         ]
         if others:
             by = self.ahead[best, others[0]][DECISIVE]
-            parts[0] += f", {by} from the next best, {others[0]}"
+            parts[0] += f", {by} against those of the next best, {others[0]}"
             tied = [name for name in others if not self.ahead[best, name][DECISIVE].distinct]
             if tied:
                 parts.append(f"the difference from {' and '.join(tied)} may be chance")
+            parts += filter(None, (self._more_at(name, best) for name in others))
         else:
             parts.append("no other principal has outcomes")
         return "; ".join([*parts, *self._worth(self.principals[best])])
+
+    def _more_at(self, other: str, best: str) -> str:
+        """At which attempt rates the lesser principal's grasps hold more often all the same."""
+        mine, theirs = self.standings[best], self.standings[other]
+        rates = zip(("50", "70", "90", "100"), STANDING[1:], strict=True)
+        more = {rate: theirs[name] for rate, name in rates if theirs[name] > mine[name]}
+        values = " / ".join(f"{value:.3f}" for value in more.values())
+        return f"{other}'s hold more often at {' / '.join(more)} % ({values})" if more else ""
 
     def _worth(self, judged: Judged) -> list[str]:
         if not judged.without:
