@@ -16,7 +16,7 @@ INTRINSICS = np.array([[572.4114, 0.0, 325.2611], [0.0, 573.57043, 242.04899], [
 """The camera of LM-O: its pictures have 640 x 480 pixels."""
 
 _DISTANCE_M = (0.5, 1.1)
-_ELEVATION_DEG = (15.0, 80.0)
+_ELEVATION_DEG = (20.0, 80.0)
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,13 @@ class Light:
         ambient: Its strength, RGB, (3,).
         directions: Unit vectors along which light falls, (3, 3).
         strengths: RGB of each, (3, 3); zero for none.
+        sky: What is seen beyond the table, RGB from 0 to 255, (3,).
     """
 
     ambient: Float[ndarray, " 3"]
     directions: Float[ndarray, "3 3"]
     strengths: Float[ndarray, "3 3"]
+    sky: Float[ndarray, " 3"]
 
 
 @dataclass(frozen=True)
@@ -73,5 +75,6 @@ def _random_light(rng: np.random.Generator) -> Light:
     directions[:, 2] = -np.abs(directions[:, 2]) - 0.3
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     tint = rng.uniform(0.85, 1.0, (4, 3))
-    strengths = rng.uniform(0.1, 0.6, (3, 1)) * (np.arange(3)[:, None] < rng.integers(1, 4))
-    return Light(rng.uniform(0.2, 0.55) * tint[3], directions, strengths * tint[:3])
+    strengths = rng.uniform(0.15, 0.6, (3, 1)) * (np.arange(3)[:, None] < rng.integers(1, 4))
+    sky = np.clip(rng.uniform(40, 240) + rng.normal(0, 15, 3), 0, 255)
+    return Light(rng.uniform(0.3, 0.65) * tint[3], directions, strengths * tint[:3], sky)

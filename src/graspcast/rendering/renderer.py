@@ -76,6 +76,7 @@ class Renderer:
         self._shine(view)
         self._look(view, self.K, self.width, self.height, range(6))
         rgb, depth = self._draw(self.width, self.height)
+        rgb[depth == 1.0] = view.light.sky
         label = self._labels(self.width, self.height)
         cam_T_obj = invert(view.sim_T_cam) @ self.tabletop.poses()
         return Frame(rgb, _metric(depth), label, cam_T_obj)
