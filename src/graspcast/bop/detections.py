@@ -219,7 +219,8 @@ def jittered(
     Args:
         dataset: With ``scene_gt_info.json``, whose ``bbox_obj`` are the boxes.
         seed: Another seed moves the boxes otherwise.
-        targets: Only these images, and objects where they are stated.
+        targets: Only these objects, however little is visible of them; of a target that states no
+            object, all that are visible by at least 10 %, as of every image without targets.
         shift: Largest displacement as a share of width and height.
         scale: Largest change of width and height as a share of them.
 
@@ -229,14 +230,14 @@ def jittered(
     truth = dataset.ground_truth
     if truth.box_xywh is None or np.isnan(truth.box_xywh).all():
         raise InputError(f"{truth.source}: no scene_gt_info.json here states a bbox_obj")
-    keep = (truth.visib_fract >= MIN_VISIBLE_SHARE) & np.isfinite(truth.box_xywh).all(axis=1)
-    keep &= (truth.box_xywh[:, 2:] > 0).all(axis=1)
+    keep = truth.visib_fract >= MIN_VISIBLE_SHARE
     if targets is not None:
         wanted = {(t.scene_id, t.im_id, t.obj_id) for t in targets}
-        rows = zip(
-            truth.scene_id.tolist(), truth.im_id.tolist(), truth.obj_id.tolist(), strict=True
-        )
-        keep &= np.array([(s, i, o) in wanted or (s, i, None) in wanted for s, i, o in rows], bool)
+        rows = np.column_stack([truth.scene_id, truth.im_id, truth.obj_id]).tolist()
+        named = np.array([(s, i, o) in wanted for s, i, o in rows], dtype=bool)
+        in_image = np.array([(s, i, None) in wanted for s, i, _ in rows], dtype=bool)
+        keep = named | (in_image & keep)
+    keep &= (truth.box_xywh[:, 2:] > 0).all(axis=1)  # neither unstated nor out of sight
     chosen = np.flatnonzero(keep)
     boxes = np.empty((len(chosen), 4))
     for row, i in enumerate(chosen):
