@@ -211,10 +211,10 @@ def jittered(
     """Boxes of the ground truth, displaced at random: a stand-in for a detector, and no more.
 
     The centre of each box moves by at most ``shift`` of its size, and each side grows or shrinks by
-    at most ``scale``, uniformly; the score is 1. No object is missed, confused or invented, so
-    estimates from these boxes say nothing about a detector: ``detector`` of the table, and of every
-    entry of a file that is made of it, says what they are. An instance's box depends on its numbers
-    and the seed alone.
+    at most ``scale``, uniformly; a box that would then lie beside the image stays as it is. The
+    score is 1. No object is missed, confused or invented, so estimates from these boxes say nothing
+    about a detector: ``detector`` of the table, and of every entry of a file that is made of it,
+    says what they are. An instance's box depends on its numbers and the seed alone.
 
     Args:
         dataset: With ``scene_gt_info.json``, whose ``bbox_obj`` are the boxes.
@@ -239,17 +239,14 @@ def jittered(
         keep = named | (in_image & keep)
     keep &= (truth.box_xywh[:, 2:] > 0).all(axis=1)  # neither unstated nor out of sight
     chosen = np.flatnonzero(keep)
-    boxes = np.empty((len(chosen), 4))
-    for row, i in enumerate(chosen):
+    boxes = truth.box_xywh[chosen]
+    for box, i in zip(boxes, chosen, strict=True):
         numbers_of = (truth.scene_id[i], truth.im_id[i], truth.obj_id[i], truth.inst_id[i])
         draw = np.random.default_rng([seed, *map(int, numbers_of)]).uniform(-1, 1, 4)
-        size = truth.box_xywh[i, 2:]
-        centre = truth.box_xywh[i, :2] + size / 2 + shift * size * draw[:2]
-        size = size * (1 + scale * draw[2:])
-        boxes[row] = [*(centre - size / 2), *size]
-    if image_size := dataset.image_size:
-        inside = np.array([_meets(box, image_size) for box in boxes.tolist()], dtype=bool)
-        chosen, boxes = chosen[inside], boxes[inside]
+        size = box[2:] * (1 + scale * draw[2:])
+        moved = np.array([*(box[:2] + box[2:] * (0.5 + shift * draw[:2]) - size / 2), *size])
+        if dataset.image_size is None or _meets(moved, dataset.image_size):
+            box[:] = moved
     if not len(chosen):
         raise InputError(
             f"{truth.source}: none of the wanted instances is visible by at least "
