@@ -20,6 +20,9 @@ def main() -> None:
     verb.add_argument("--only", nargs="+", default=["dense", "direct", "keypoints"])
     verb.add_argument("--steps", type=int, default=60_000)
     verb.add_argument("--threads", type=int, default=1)
+    verb = verbs.add_parser("export", help="write ONNX files from the last checkpoints")
+    verb.add_argument("--only", nargs="+", default=["dense", "direct", "keypoints"])
+    verb.add_argument("--out", type=Path, required=True, help="a directory")
     options = top.parse_args()
     from training.crops import Objects
 
@@ -34,6 +37,11 @@ def main() -> None:
         from training.train import train
 
         train(options.work, objects, options.only, steps=options.steps, threads=options.threads)
+    elif options.verb == "export":
+        from training.export import export
+
+        for name in options.only:
+            export(options.work, objects, name, options.out / f"{name}.onnx")
 
 
 if __name__ == "__main__":
