@@ -53,9 +53,7 @@ def render(directory: Path, objects: Objects, *, seed: int, files: int, first: i
     """Write files ``first`` to ``files`` - 1 into a directory, but those that are there."""
     directory.mkdir(parents=True, exist_ok=True)
     wanted = [
-        (k, path)
-        for k in range(first, files)
-        if not (path := directory / f"{k:05d}.npz").exists()
+        (k, path) for k in range(first, files) if not (path := directory / f"{k:05d}.npz").exists()
     ]
     if not wanted:
         return

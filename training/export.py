@@ -31,8 +31,13 @@ def export(work: Path, objects: Objects, name: str, out: Path) -> None:
     network.load_state_dict(run.average.module.state_dict())
     example = (torch.zeros(1, 3, PIXELS, PIXELS), torch.zeros(1, dtype=torch.int64))
     program = torch.onnx.export(
-        network, example, input_names=["image", "object"], output_names=_OUTPUTS[name],
-        opset_version=18, dynamo=True, verbose=False,
+        network,
+        example,
+        input_names=["image", "object"],
+        output_names=_OUTPUTS[name],
+        opset_version=18,
+        dynamo=True,
+        verbose=False,
     )
     model = program.model_proto
     _halve(model)

@@ -7,7 +7,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 PIXELS, CELLS, HEAT_CELLS = 64, 16, 32
-"""Of a crop: pixels of the image, cells of a map of coordinates, and cells of a heat map, a side."""
+"""Of a crop, on a side: pixels; cells of a map of coordinates; cells of a heat map."""
 BINS, KEYPOINTS = 16, 12
 
 MAP_WIDTH = 40
@@ -144,7 +144,9 @@ class Direct(nn.Module):
         self.trunk = Trunk(objects)
         self.decoder = Decoder(objects)
         self.map = PerObject(objects, MAP_WIDTH, 4)
-        self.solve = nn.Sequential(conv(MAP_WIDTH + 6, 64, 3, 2), conv(64, 80, 3, 2), conv(80, 32, 1))
+        self.solve = nn.Sequential(
+            conv(MAP_WIDTH + 6, 64, 3, 2), conv(64, 80, 3, 2), conv(80, 32, 1)
+        )
         self.fully = nn.Linear(32 * 16, 128)
         self.head = PerObject(objects, 128, 9)
         axis = (torch.arange(CELLS) + 0.5) / CELLS - 0.5

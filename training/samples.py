@@ -80,9 +80,7 @@ class Samples:
 
 def _ray_rotation(crop: Tensor) -> Tensor:
     K = torch.tensor(INTRINSICS, dtype=torch.float32)
-    ray = torch.stack(
-        [(crop[:, 0] - K[0, 2]) / K[0, 0], (crop[:, 1] - K[1, 2]) / K[1, 1]], dim=1
-    )
+    ray = torch.stack([(crop[:, 0] - K[0, 2]) / K[0, 0], (crop[:, 1] - K[1, 2]) / K[1, 1]], dim=1)
     a, b, c = F.normalize(F.pad(ray, (0, 1), value=1.0), dim=1).unbind(1)
     rows = [
         [1 - a * a / (1 + c), -a * b / (1 + c), a],
@@ -92,9 +90,7 @@ def _ray_rotation(crop: Tensor) -> Tensor:
     return torch.stack([torch.stack(row, 1) for row in rows], 1)
 
 
-def make_batch(
-    raw: dict[str, Tensor], objects: Objects, random: torch.Generator | None
-) -> Batch:
+def make_batch(raw: dict[str, Tensor], objects: Objects, random: torch.Generator | None) -> Batch:
     """A batch, jittered and disturbed where there is a source of randomness."""
     n = len(raw["object"])
     stored = raw["crop"].float()
@@ -110,14 +106,16 @@ def make_batch(
     theta = torch.cat([ratio[:, None, None] * rotate, 2 * shift[..., None]], dim=2)
     image = raw["image"].permute(0, 3, 1, 2).float() / 255
     image = F.grid_sample(
-        image, F.affine_grid(theta, [n, 3, PIXELS, PIXELS], align_corners=False),
+        image,
+        F.affine_grid(theta, [n, 3, PIXELS, PIXELS], align_corners=False),
         align_corners=False,
     )
     cells = torch.cat([raw["coordinates"].float() / 255, raw["mask"][..., None].float()], dim=-1)
     cells = F.grid_sample(
         cells.permute(0, 3, 1, 2),
         F.affine_grid(theta, [n, 4, CELLS, CELLS], align_corners=False),
-        mode="nearest", align_corners=False,
+        mode="nearest",
+        align_corners=False,
     )
     crop = torch.cat([stored[:, :2] + stored[:, 2:] * shift, (stored[:, 2] * ratio)[:, None]], 1)
     pose = raw["cam_T_obj"].float()
@@ -135,16 +133,22 @@ def make_batch(
     if random is not None:
         image, mask = _disturb(image, mask, random)
     return Batch(
-        image=image, obj=raw["object"], coordinates=cells[:, :3], mask=mask,
-        rotation=crop_T_cam @ pose[:, :3, :3], site=torch.cat([place, scale[:, None].float()], 1),
-        translation=pose[:, :3, 3], crop_T_cam=crop_T_cam, side=crop[:, 2], crop=crop,
-        turn=rotate.mT, cam_R=pose[:, :3, :3],
+        image=image,
+        obj=raw["object"],
+        coordinates=cells[:, :3],
+        mask=mask,
+        rotation=crop_T_cam @ pose[:, :3, :3],
+        site=torch.cat([place, scale[:, None].float()], 1),
+        translation=pose[:, :3, 3],
+        crop_T_cam=crop_T_cam,
+        side=crop[:, 2],
+        crop=crop,
+        turn=rotate.mT,
+        cam_R=pose[:, :3, :3],
     )
 
 
-def _disturb(
-    image: Tensor, mask: Tensor, random: torch.Generator
-) -> tuple[Tensor, Tensor]:
+def _disturb(image: Tensor, mask: Tensor, random: torch.Generator) -> tuple[Tensor, Tensor]:
     """Other light and another camera: gain, gamma, blur, noise; and something in the way."""
     n = len(image)
 

@@ -30,7 +30,9 @@ class Run:
         self.average = AveragedModel(
             self.network, multi_avg_fn=get_ema_multi_avg_fn(0.998), use_buffers=True
         )
-        self.optimizer = torch.optim.AdamW(self.network.parameters(), lr=_RATE, weight_decay=1e-2, fused=True)
+        self.optimizer = torch.optim.AdamW(
+            self.network.parameters(), lr=_RATE, weight_decay=1e-2, fused=True
+        )
         self.step, self.lately = 0, []
         if self.path.exists():
             state = torch.load(self.path, weights_only=True)

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 
 from graspcast._version import __version__
-from graspcast.cli import campaign, data, estimate, learn, see, validate
+from graspcast.cli import campaign, data, estimate, learn, render, see, validate
 from graspcast.errors import GraspcastError
 
 __all__ = ["main", "parser"]
@@ -23,7 +23,7 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="graspcast", description=_DESCRIPTION)
     top.add_argument("--version", action="version", version=f"graspcast {__version__}")
     verbs = top.add_subparsers(title="verbs", dest="verb", metavar="VERB", required=True)
-    for module in (data, estimate, learn, campaign, validate, see):
+    for module in (data, render, estimate, learn, campaign, validate, see):
         module.add_verbs(verbs)
     return top
 

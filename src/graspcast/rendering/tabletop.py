@@ -73,9 +73,7 @@ class Tabletop:
         # MuJoCo moves a mesh to its centre of mass; poses are of the file's own frame.
         self._geom_T_obj = [
             np.linalg.inv(
-                transform(
-                    rotation_from_quaternion(self.model.mesh_quat[m]), self.model.mesh_pos[m]
-                )
+                transform(rotation_from_quaternion(self.model.mesh_quat[m]), self.model.mesh_pos[m])
             )
             for m in self.model.geom_dataid[self.geoms]
         ]
