@@ -20,8 +20,12 @@ from training.networks import CELLS, PIXELS
 class Batch:
     """Crops and what is true in them.
 
-    ``rotation`` (b, 3, 3) is allocentric; ``site`` (b, 3) as in graspcast.perception.crops; ``frame``
-    maps coordinates in the crop camera's frame (metres) to places: see :meth:`project`.
+    Attributes:
+        image, obj: (b, 3, PIXELS, PIXELS) in [0, 1]; places among the trained objects, (b,).
+        coordinates, mask: What each cell shows, in the object's box from 0 to 1; and whether.
+        rotation, site: Allocentric, and as in graspcast.perception.crops.
+        cam_R, translation: The true pose, metres.
+        crop, turn: Middle and side in the image, and how the crop is turned in it (b, 2, 2).
     """
 
     image: Tensor
@@ -31,8 +35,6 @@ class Batch:
     rotation: Tensor
     site: Tensor
     translation: Tensor
-    crop_T_cam: Tensor
-    side: Tensor
     crop: Tensor
     turn: Tensor
     cam_R: Tensor
@@ -140,8 +142,6 @@ def make_batch(raw: dict[str, Tensor], objects: Objects, random: torch.Generator
         rotation=crop_T_cam @ pose[:, :3, :3],
         site=torch.cat([place, scale[:, None].float()], 1),
         translation=pose[:, :3, 3],
-        crop_T_cam=crop_T_cam,
-        side=crop[:, 2],
         crop=crop,
         turn=rotate.mT,
         cam_R=pose[:, :3, :3],

@@ -1,4 +1,4 @@
-"""Training: all networks side by side, from the same batches; it can be stopped and gone on with."""
+"""Training, from the same batches for all networks; it can be stopped and gone on with."""
 
 from __future__ import annotations
 
