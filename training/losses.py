@@ -93,7 +93,8 @@ def dense(output: Tensor, batch: Batch, geometry: Geometry) -> Tensor:
     amount = mask.sum(dim=(1, 2)).clamp(min=1.0)
     losses = []
     for s in range(geometry.symmetries.shape[1]):
-        place = (_other_coordinates(batch, geometry, s) * BINS - 0.5).clamp(0, BINS - 1)
+        # The first and the last bin stand for the box's borders themselves.
+        place = _other_coordinates(batch, geometry, s) * (BINS - 1)
         lower = place.floor().clamp(max=BINS - 2)
         share = (place - lower)[:, :, None]
         index = lower.long()[:, :, None]

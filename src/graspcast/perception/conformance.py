@@ -23,7 +23,7 @@ _IMAGES = 3
 _RIGID = 1e-6
 _NEAR_M, _FAR_M = 0.05, 20.0
 _SAME = 1e-6
-_OFF = 1.5
+_OFF = 0.75
 """An object's origin is seen at most so far from its box, in sides of it."""
 
 
@@ -268,4 +268,4 @@ _CHECKS: tuple[tuple[str, Callable[[Estimator, _Bench], str]], ...] = (
     ("refuses", _refuses),
     ("time", _time),
 )
-_NEEDED = ("describes", "answers")
+_NEEDED = ("describes", "answers", "rigid")

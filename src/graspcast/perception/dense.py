@@ -55,15 +55,18 @@ class DenseEstimator(CropEstimator):
 
 
 def _expected(logits: Float[ndarray, "3 b n"]) -> Float[ndarray, "3 n"]:
-    """Coordinates in the box (0 to 1): the mean over the likeliest bin and its two neighbours."""
+    """Coordinates in the box (0 to 1): the mean over the likeliest bin and its two neighbours.
+
+    The first and the last bin stand for the box's borders.
+    """
     bins = logits.shape[1]
     best = logits.argmax(axis=1)
     near = np.clip(best[:, None] + np.array([-1, 0, 1])[None, :, None], 0, bins - 1)
     weight = np.exp(np.take_along_axis(logits, near, axis=1) - logits.max(axis=1)[:, None])
-    # At the border of the box the last bin would count twice.
+    # At a border of the box the bin there would count twice.
     weight[:, 0][best == 0] = 0.0
     weight[:, 2][best == bins - 1] = 0.0
-    return ((near + 0.5) * weight).sum(axis=1) / weight.sum(axis=1) / bins
+    return (near * weight).sum(axis=1) / weight.sum(axis=1) / (bins - 1)
 
 
 def load(weights: str | PathLike[str] | None = None) -> DenseEstimator:
