@@ -61,7 +61,7 @@ def ellipsoid(pose: np.ndarray, crop: Crop) -> tuple[np.ndarray, np.ndarray]:
 
 def said_of(coordinates: np.ndarray, shown: np.ndarray) -> np.ndarray:
     """Logits that mean just these coordinates, shared by the two nearest bins."""
-    place = coordinates * (BINS - 1)
+    place = np.clip(coordinates, 0, 1) * (BINS - 1)
     lower = np.clip(np.floor(place), 0, BINS - 2).astype(int)
     weight = np.full((3, BINS, CELLS, CELLS), 1e-9)
     for k, share in ((0, 1 - (place - lower)), (1, place - lower)):

@@ -32,6 +32,7 @@ _TRIES = 20
 _MOST = 8
 """Objects on the table at once."""
 _SPEED, _SPIN = 0.05, 1.0
+_AWAY_M = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,8 +152,8 @@ class Tabletop:
         mujoco.mj_step(model, data, nstep=round(_SECONDS / _STEP))
         there[:count] &= self._stays()
         self.present = there[:count]
-        # What is not there lies deep below the table, where no camera looks.
-        data.qpos.reshape(-1, 7)[~there, 2] = -50.0
+        # What is not there is farther away than any camera sees.
+        data.qpos.reshape(-1, 7)[~there, 2] = _AWAY_M
         mujoco.mj_forward(model, data)
         velocity = np.abs(data.qvel.reshape(-1, 6)[:count][self.present])
         return bool(
