@@ -20,6 +20,7 @@ def main() -> None:
     verb.add_argument("--only", nargs="+", default=["dense", "direct", "keypoints"])
     verb.add_argument("--steps", type=int, default=60_000)
     verb.add_argument("--threads", type=int, default=1)
+    verb.add_argument("--strength", type=float, default=0.3, help="of disturbance; 1 for photos")
     verb = verbs.add_parser("export", help="write ONNX files from the last checkpoints")
     verb.add_argument("--only", nargs="+", default=["dense", "direct", "keypoints"])
     verb.add_argument("--out", type=Path, required=True, help="a directory")
@@ -36,7 +37,14 @@ def main() -> None:
     elif options.verb == "train":
         from training.train import train
 
-        train(options.work, objects, options.only, steps=options.steps, threads=options.threads)
+        train(
+            options.work,
+            objects,
+            options.only,
+            steps=options.steps,
+            threads=options.threads,
+            strength=options.strength,
+        )
     elif options.verb == "export":
         from training.export import export
 

@@ -92,8 +92,13 @@ def _ray_rotation(crop: Tensor) -> Tensor:
     return torch.stack([torch.stack(row, 1) for row in rows], 1)
 
 
-def make_batch(raw: dict[str, Tensor], objects: Objects, random: torch.Generator | None) -> Batch:
-    """A batch, jittered and disturbed where there is a source of randomness."""
+def make_batch(
+    raw: dict[str, Tensor],
+    objects: Objects,
+    random: torch.Generator | None,
+    strength: float = 1.0,
+) -> Batch:
+    """A batch; jittered where there is a source of randomness, and disturbed by ``strength``."""
     n = len(raw["object"])
     stored = raw["crop"].float()
     zero = torch.zeros(n)
@@ -101,7 +106,7 @@ def make_batch(raw: dict[str, Tensor], objects: Objects, random: torch.Generator
     if random is not None:
         log_scale = (0.07 * torch.randn(n, generator=random)).clamp(-0.2, 0.2)
         shift = (0.05 * torch.randn(n, 2, generator=random)).clamp(-0.15, 0.15) / STORED_MARGIN
-        angle = (torch.rand(n, generator=random) - 0.5) * 0.7
+        angle = (torch.rand(n, generator=random) - 0.5) * 0.7 * strength
     ratio = MARGIN / STORED_MARGIN * torch.exp(log_scale)
     cosine, sine = torch.cos(angle), torch.sin(angle)
     rotate = torch.stack([torch.stack([cosine, -sine], 1), torch.stack([sine, cosine], 1)], 1)
@@ -133,7 +138,7 @@ def make_batch(raw: dict[str, Tensor], objects: Objects, random: torch.Generator
     scale = torch.log(z * crop[:, 2] / (K[0, 0] * diameter[raw["object"]]))
     mask = cells[:, 3] > 0.5
     if random is not None:
-        image, mask = _disturb(image, mask, random)
+        image, mask = _disturb(image, mask, random, strength)
     return Batch(
         image=image,
         obj=raw["object"],
@@ -148,7 +153,9 @@ def make_batch(raw: dict[str, Tensor], objects: Objects, random: torch.Generator
     )
 
 
-def _disturb(image: Tensor, mask: Tensor, random: torch.Generator) -> tuple[Tensor, Tensor]:
+def _disturb(
+    image: Tensor, mask: Tensor, random: torch.Generator, strength: float
+) -> tuple[Tensor, Tensor]:
     """Other light and another camera: gain, gamma, blur, noise; and something in the way."""
     n = len(image)
 
@@ -166,10 +173,13 @@ def _disturb(image: Tensor, mask: Tensor, random: torch.Generator) -> tuple[Tens
         x, y = axis[None, None, :], axis[None, :, None]
         return ((x - left).abs() < wide / 2) & ((y - top).abs() < high / 2) & there
 
-    there = uniform(0, 1, 1, 1) < 0.3
+    there = uniform(0, 1, 1, 1) < 0.3 * strength
     image = torch.where(covered(PIXELS)[:, None], uniform(0, 1, 3, 1, 1), image)
     mask = mask & ~covered(CELLS)
-    image = image * uniform(0.6, 1.5, 1, 1, 1) * uniform(0.88, 1.12, 3, 1, 1)
-    image = image.clamp(1e-4, 1) ** uniform(0.7, 1.4, 1, 1, 1)
-    image = image + uniform(0, 0.04, 1, 1, 1) * torch.randn(image.shape, generator=random)
+    image = image * torch.exp(strength * uniform(-0.45, 0.45, 1, 1, 1))
+    image = image * torch.exp(strength * uniform(-0.12, 0.12, 3, 1, 1))
+    image = image.clamp(1e-4, 1) ** torch.exp(strength * uniform(-0.35, 0.35, 1, 1, 1))
+    image = image + strength * uniform(0, 0.04, 1, 1, 1) * torch.randn(
+        image.shape, generator=random
+    )
     return image.clamp(0, 1), mask

@@ -69,8 +69,13 @@ class Run:
         self.lately = [*self.lately[-499:], loss.item()]
 
 
-def train(work: Path, objects: Objects, names: list[str], *, steps: int, threads: int) -> None:
-    """Train until every network has made ``steps`` steps of a batch each."""
+def train(
+    work: Path, objects: Objects, names: list[str], *, steps: int, threads: int, strength: float
+) -> None:
+    """Train until every network has made ``steps`` steps of a batch each.
+
+    ``strength`` is of what disturbs the images: little for rendered ones, 1 for photographs.
+    """
     torch.set_num_threads(threads)
     geometry = Geometry.of(objects)
     runs = [Run(name, len(objects.ids), work) for name in names]
@@ -87,7 +92,7 @@ def train(work: Path, objects: Objects, names: list[str], *, steps: int, threads
         if made % 500 == 0:
             samples.refresh()
         rows = np.random.default_rng([3, step]).integers(0, len(samples), BATCH)
-        batch = make_batch(samples.take(rows), objects, random)
+        batch = make_batch(samples.take(rows), objects, random, strength)
         batch.image = batch.image.contiguous(memory_format=torch.channels_last)
         for run in runs:
             if run.step == step:
