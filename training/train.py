@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import signal
+import sys
 import time
 from pathlib import Path
 
@@ -83,6 +85,23 @@ def train(
         count = sum(p.numel() for p in run.network.parameters())
         print(f"{run.name}: {count} weights, at step {run.step} of {steps}", flush=True)
     samples = Samples(work / "train")
+    # Told to end, it keeps what it has.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
+    try:
+        _loop(runs, samples, objects, geometry, steps, strength)
+    finally:
+        for run in runs:
+            run.save()
+
+
+def _loop(
+    runs: list[Run],
+    samples: Samples,
+    objects: Objects,
+    geometry: Geometry,
+    steps: int,
+    strength: float,
+) -> None:
     began = saved = time.monotonic()
     made = 0
     while any(run.step < steps for run in runs):
@@ -106,5 +125,3 @@ def train(
             for run in runs:
                 run.save()
             saved = time.monotonic()
-    for run in runs:
-        run.save()
