@@ -245,7 +245,7 @@ def jittered(
         draw = np.random.default_rng([seed, *map(int, numbers_of)]).uniform(-1, 1, 4)
         size = box[2:] * (1 + scale * draw[2:])
         moved = np.array([*(box[:2] + box[2:] * (0.5 + shift * draw[:2]) - size / 2), *size])
-        if dataset.image_size is None or _meets(moved, dataset.image_size):
+        if dataset.image_size is None or _meets(moved.tolist(), dataset.image_size):
             box[:] = moved
     if not len(chosen):
         raise InputError(

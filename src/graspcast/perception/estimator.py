@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from os import PathLike
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from jaxtyping import Float, UInt8
 from numpy import ndarray
@@ -37,6 +37,7 @@ class Poses:
         return len(self.score)
 
 
+@runtime_checkable
 class Estimator(Protocol):
     """A pose estimator from RGB, given 2D detections.
 

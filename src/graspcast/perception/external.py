@@ -16,9 +16,10 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from io import TextIOBase
 from pathlib import Path
 from threading import Thread
-from typing import IO, Any
+from typing import Any
 
 from graspcast.errors import EstimatorFailedError, InputError, UnknownNameError
 
@@ -102,7 +103,7 @@ def run_command(
         raise EstimatorFailedError(command, f"cannot be started ({reason})") from error
     last: deque[str] = deque(maxlen=_QUOTED_LINES)
 
-    def pass_on(stream: IO[str], keep: bool) -> None:
+    def pass_on(stream: TextIOBase, keep: bool) -> None:
         with stream:
             for line in stream:
                 if line := line.strip():
