@@ -34,7 +34,10 @@ if TYPE_CHECKING:
     from graspcast.learning.samples import Samples, join
     from graspcast.learning.scores import Scores, score
     from graspcast.outcomes import read_outcomes
+    from graspcast.perception.conformance import check_estimator
+    from graspcast.perception.estimator import Estimator, built_in
     from graspcast.published import Published
+    from graspcast.rendering.dataset import render_dataset
     from graspcast.report.paper import reproduce
     from graspcast.truth import match, measure, summarise
     from graspcast.verdict import Verdict, decide, verdict_rows, write_verdicts
@@ -61,7 +64,10 @@ _HOME = {
     "learning.samples": ("Samples", "join"),
     "learning.scores": ("Scores", "score"),
     "outcomes": ("read_outcomes",),
+    "perception.conformance": ("check_estimator",),
+    "perception.estimator": ("Estimator", "built_in"),
     "published": ("Published",),
+    "rendering.dataset": ("render_dataset",),
     "report.paper": ("reproduce",),
     "truth": ("match", "measure", "summarise"),
     "verdict": ("Verdict", "decide", "verdict_rows", "write_verdicts"),
