@@ -145,7 +145,7 @@ class Nameless:
 @pytest.mark.parametrize(
     ("kind", "check", "words"),
     [
-        (Nameless, "describes", "lacks name"),
+        pytest.param(Nameless, "describes", "lacks name", marks=pytest.mark.ill_typed),
         (spoilt(one_less), "answers", "there should be"),
         (spoilt(nothing), "answers", "found nothing"),
         (spoilt(infinite), "rigid", "not finite"),

@@ -135,7 +135,7 @@ class Tabletop:
         there = np.concatenate([self.present, rng.random(CLUTTER) < 0.5])
         # One above the other in a random order, so that nothing starts inside anything.
         height = 0.03
-        for body in rng.permutation(len(there)):
+        for body in rng.permutation(len(there)).tolist():
             where = slice(7 * body, 7 * body + 7)
             if not there[body]:
                 data.qpos[where] = [5.0 + body, 5.0, 0.5, 1, 0, 0, 0]
