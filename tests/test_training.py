@@ -23,7 +23,7 @@ from training.crops import CELLS as STORED  # noqa: E402
 from training.crops import PIXELS as STORED_PIXELS  # noqa: E402
 from training.crops import Objects  # noqa: E402
 from training.losses import LOSSES, Geometry  # noqa: E402
-from training.networks import BINS, CELLS, HEAT_CELLS, NETWORKS  # noqa: E402
+from training.networks import BINS, CELLS, HEAT_CELLS, NETWORKS, _moments  # noqa: E402
 from training.samples import make_batch  # noqa: E402
 
 SIZE = np.array([0.08, 0.06, 0.16])
@@ -102,12 +102,6 @@ def test_a_jittered_crop_is_turned_about_its_ray(objects: Objects) -> None:
 def said(batch: object, geometry: Geometry, name: str, s: int = 0) -> object:
     """What a network would say that knew the truth, turned by symmetry ``s``."""
     symmetry = geometry.symmetries[batch.obj, s]  # type: ignore[attr-defined]
-    if name == "direct":
-        true = batch.rotation @ symmetry[:, :3, :3]  # type: ignore[attr-defined]
-        answer = torch.cat([true[:, :, 0], true[:, :, 1], batch.site], dim=1)  # type: ignore
-        cells = _turned(batch, geometry, symmetry)
-        mask = torch.where(batch.mask, 9.0, -9.0)[:, None]  # type: ignore[attr-defined]
-        return answer, torch.cat([cells, mask], dim=1)
     if name == "keypoints":
         points = geometry.keypoints[batch.obj] @ symmetry[:, :3, :3].mT  # type: ignore
         place = (batch.project(points) + 0.5) * HEAT_CELLS - 0.5  # type: ignore[attr-defined]
@@ -117,7 +111,11 @@ def said(batch: object, geometry: Geometry, name: str, s: int = 0) -> object:
     bins = torch.arange(BINS)[None, None, :, None, None]
     logits = torch.log((1 - (place[:, :, None] - bins).abs()).clamp(min=1e-6))
     mask = torch.where(batch.mask, 9.0, -9.0)[:, None]  # type: ignore[attr-defined]
-    return torch.cat([logits.flatten(1, 2), mask], dim=1)
+    drawn = torch.cat([logits.flatten(1, 2), mask], dim=1)
+    if name == "dense":
+        return drawn
+    true = batch.rotation @ symmetry[:, :3, :3]  # type: ignore[attr-defined]
+    return torch.cat([true[:, 0], true[:, 1], batch.site], dim=1), drawn  # type: ignore
 
 
 def _turned(batch: object, geometry: Geometry, symmetry: object) -> object:
@@ -168,6 +166,17 @@ def test_the_estimators_read_what_the_losses_call_right(objects: Objects) -> Non
     for k in range(4):
         found, _ = _peaks(heat[k].double().numpy())  # type: ignore[index]
         np.testing.assert_allclose(found, place[k], atol=0.2 / HEAT_CELLS)
+
+
+def test_moments_are_the_rotation_s_rows_for_an_object_far_away() -> None:
+    generator = torch.Generator().manual_seed(0)
+    points = 0.3 * torch.randn(4, 3, CELLS, CELLS, generator=generator)
+    turn = torch.from_numpy(random_poses(4)[:, :3, :3]).float()
+    places = 0.7 * (turn[:, :2] @ points.flatten(2)).unflatten(2, (CELLS, CELLS))
+    mask = (torch.rand(4, 1, CELLS, CELLS, generator=generator) < 0.5).float()
+    found = _moments(points, places, mask)
+    torch.testing.assert_close(found[:, :6], 0.7 * turn[:, :2].flatten(1), atol=0.02, rtol=0.0)
+    torch.testing.assert_close(found[:, 12], mask.mean(dim=(1, 2, 3)))
 
 
 @pytest.mark.parametrize("name", sorted(NETWORKS))

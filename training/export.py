@@ -16,8 +16,8 @@ from graspcast import __version__
 from graspcast.files import atomic_write
 from training.crops import Objects
 from training.losses import Geometry
-from training.networks import NETWORKS, PIXELS
-from training.train import BATCH, Run
+from training.networks import PIXELS
+from training.train import BATCH, Run, new_network
 
 _OUTPUTS = {"dense": ["cells"], "direct": ["pose", "cells"], "keypoints": ["heat"]}
 _SMALL = 64
@@ -26,8 +26,8 @@ _SMALL = 64
 
 def export(work: Path, objects: Objects, name: str, out: Path) -> None:
     """Write the averaged weights of a training as ``out``."""
-    run = Run(name, len(objects.ids), work)
-    network = NETWORKS[name](len(objects.ids)).eval()
+    run = Run(name, objects, work)
+    network = new_network(name, objects).eval()
     network.load_state_dict(run.average.module.state_dict())
     example = (torch.zeros(1, 3, PIXELS, PIXELS), torch.zeros(1, dtype=torch.int64))
     program = torch.onnx.export(

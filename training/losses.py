@@ -87,7 +87,16 @@ def _other_coordinates(batch: Batch, geometry: Geometry, s: int) -> Tensor:
 
 
 def dense(output: Tensor, batch: Batch, geometry: Geometry) -> Tensor:
-    """Cross-entropy over bins where the object shows; a point between two bins belongs to both."""
+    """The map of coordinates: cross-entropy over bins where the object shows; and the mask."""
+    return _least(_map_losses(output, batch, geometry)) + _mask_loss(output, batch)
+
+
+def _mask_loss(output: Tensor, batch: Batch) -> Tensor:
+    return F.binary_cross_entropy_with_logits(output[:, -1], batch.mask.float())
+
+
+def _map_losses(output: Tensor, batch: Batch, geometry: Geometry) -> list[Tensor]:
+    """For each symmetry, sample by sample; a point between two bins belongs to both."""
     mask = batch.mask.float()
     logits = output[:, :-1].unflatten(1, (3, BINS)).log_softmax(dim=2)
     amount = mask.sum(dim=(1, 2)).clamp(min=1.0)
@@ -100,7 +109,7 @@ def dense(output: Tensor, batch: Batch, geometry: Geometry) -> Tensor:
         index = lower.long()[:, :, None]
         terms = (1 - share) * logits.gather(2, index) + share * logits.gather(2, index + 1)
         losses.append(-(terms[:, :, 0].mean(dim=1) * mask).sum(dim=(1, 2)) / amount)
-    return _least(losses) + F.binary_cross_entropy_with_logits(output[:, -1], mask)
+    return losses
 
 
 def keypoints(output: Tensor, batch: Batch, geometry: Geometry) -> Tensor:
@@ -123,27 +132,21 @@ def keypoints(output: Tensor, batch: Batch, geometry: Geometry) -> Tensor:
 def direct(output: tuple[Tensor, Tensor], batch: Batch, geometry: Geometry) -> Tensor:
     """Where the pose puts points of the object, the site, and the map on the way."""
     answer, drawn = output
-    rotation = rotation_of(answer[:, :6])
     points = geometry.points[batch.obj] / geometry.diameter[batch.obj, None, None]
-    mask = batch.mask.float()
-    amount = mask.sum(dim=(1, 2)).clamp(min=1.0)
-    seen = points @ rotation.mT
+    seen = points @ rotation_of(answer[:, :6]).mT
     losses = []
-    for s in range(geometry.symmetries.shape[1]):
+    for s, off in enumerate(_map_losses(drawn, batch, geometry)):
         true = batch.rotation @ geometry.symmetries[batch.obj, s, :3, :3]
-        apart = (seen - points @ true.mT).abs().mean(dim=(1, 2))
-        cells = _other_coordinates(batch, geometry, s)
-        off = ((drawn[:, :3] - cells).abs().mean(dim=1) * mask).sum(dim=(1, 2)) / amount
-        losses.append(6 * apart + off)
+        losses.append(6 * (seen - points @ true.mT).abs().mean(dim=(1, 2)) + off)
     site = (answer[:, 6:] - batch.site).abs().mean()
-    return _least(losses) + 4 * site + 0.3 * F.binary_cross_entropy_with_logits(drawn[:, 3], mask)
+    return _least(losses) + 4 * site + _mask_loss(drawn, batch)
 
 
 def rotation_of(six: Tensor) -> Tensor:
-    """Two columns made orthonormal (Zhou et al., CVPR 2019), (b, 6) to (b, 3, 3)."""
+    """Two rows made orthonormal (Zhou et al., CVPR 2019), (b, 6) to (b, 3, 3)."""
     x = F.normalize(six[:, :3], dim=1)
     y = F.normalize(six[:, 3:] - (x * six[:, 3:]).sum(dim=1, keepdim=True) * x, dim=1)
-    return torch.stack([x, y, torch.linalg.cross(x, y)], dim=2)
+    return torch.stack([x, y, torch.linalg.cross(x, y)], dim=1)
 
 
 LOSSES = {"dense": dense, "direct": direct, "keypoints": keypoints}

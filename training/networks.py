@@ -134,33 +134,66 @@ class Keypoints(nn.Module):
 class Direct(nn.Module):
     """Pose by regression, guided by a map of coordinates that it draws on its way.
 
-    Output: (b, 9), two columns of the allocentric rotation and the site; and the map, (b, 4, CELLS,
-    CELLS): coordinates in the box (0 to 1) and the logit of the mask. After GDR-Net (Wang et al.,
-    CVPR 2021).
+    Output: (b, 9), two rows of the allocentric rotation and the site; and the map, (b, 3 * BINS +
+    1, CELLS, CELLS), logits as those of :class:`Dense`. After GDR-Net (Wang et al., CVPR 2021).
+
+    Attributes:
+        extent: The objects' boxes in units of their diameters, (objects, 3).
     """
 
     def __init__(self, objects: int):
         super().__init__()
         self.trunk = Trunk(objects)
         self.decoder = Decoder(objects)
-        self.map = PerObject(objects, MAP_WIDTH, 4)
+        self.map = PerObject(objects, MAP_WIDTH, 3 * BINS + 1)
         self.solve = nn.Sequential(
             conv(MAP_WIDTH + 6, 64, 3, 2), conv(64, 80, 3, 2), conv(80, 32, 1)
         )
-        self.fully = nn.Linear(32 * 16, 128)
+        self.fully = nn.Linear(32 * 16 + 13, 128)
         self.head = PerObject(objects, 128, 9)
         axis = (torch.arange(CELLS) + 0.5) / CELLS - 0.5
         v, u = torch.meshgrid(axis, axis, indexing="ij")
         self.register_buffer("grid", torch.stack([u, v])[None])
+        self.register_buffer("bins", torch.arange(BINS)[:, None, None] / (BINS - 1) - 0.5)
+        self.register_buffer("extent", torch.ones(objects, 3))
 
     def forward(self, image: Tensor, obj: Tensor) -> tuple[Tensor, Tensor]:
         x = self.decoder(self.trunk(image, obj), obj)
         drawn = self.map(x.flatten(2), obj).unflatten(2, (CELLS, CELLS))
-        mask = torch.sigmoid(drawn[:, 3:])
+        mask = torch.sigmoid(drawn[:, -1:])
+        share = drawn[:, :-1].unflatten(1, (3, BINS)).softmax(dim=2)
+        points = (share * self.bins).sum(dim=2) * self.extent[obj][..., None, None]
         grid = self.grid.expand(len(x), -1, -1, -1)
-        seen = torch.cat([x, (drawn[:, :3] - 0.5) * mask, mask, grid], dim=1)
-        x = F.relu(self.fully(self.solve(seen).flatten(1)))
-        return self.head(x[..., None], obj)[..., 0], drawn
+        seen = torch.cat([x, points * mask, mask, grid], dim=1)
+        seen = torch.cat([self.solve(seen).flatten(1), _moments(points, grid, mask)], dim=1)
+        return self.head(F.relu(self.fully(seen))[..., None], obj)[..., 0], drawn
+
+
+def _moments(points: Tensor, grid: Tensor, mask: Tensor) -> Tensor:
+    """How places follow from points to first order, (b, 13): where a learned solver can begin.
+
+    The linear map from points to places, which is two rows of the rotation times the scale if the
+    object is far away; both means; the scale's logarithm; how much is shown.
+    """
+    weight = mask.flatten(2)
+    amount = weight.mean(dim=2)
+    weight = weight / (weight.sum(dim=2, keepdim=True) + 1e-3)
+    x, u = points.flatten(2), grid.flatten(2)
+    middle_x, middle_u = (weight * x).sum(2, keepdim=True), (weight * u).sum(2, keepdim=True)
+    x, u = x - middle_x, u - middle_u
+    spread = (weight * x) @ x.mT + 1e-3 * torch.eye(3)
+    a, b, c = spread.unbind(dim=2)
+    adjugate = torch.stack([_cross(b, c), _cross(c, a), _cross(a, b)], dim=1)
+    determinant = (a * adjugate[:, 0]).sum(dim=1)
+    linear = (weight * u) @ x.mT @ adjugate / determinant[:, None, None]
+    scale = torch.log(linear.square().sum(dim=(1, 2)) + 1e-3)[:, None]
+    parts = [linear.flatten(1), middle_x.flatten(1), middle_u.flatten(1), scale, amount]
+    return torch.cat(parts, dim=1)
+
+
+def _cross(a: Tensor, b: Tensor) -> Tensor:
+    after, last = [1, 2, 0], [2, 0, 1]
+    return a[:, after] * b[:, last] - a[:, last] * b[:, after]
 
 
 NETWORKS: dict[str, type[nn.Module]] = {"dense": Dense, "direct": Direct, "keypoints": Keypoints}

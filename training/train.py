@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from torch import nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from graspcast.files import atomic_write
@@ -22,13 +23,22 @@ BATCH = 32
 _RATE, _WARM, _SAVE_S, _SAY = 1.5e-3, 500, 120.0, 250
 
 
+def new_network(name: str, objects: Objects) -> nn.Module:
+    """A network that knows how many objects there are, and how large."""
+    network = NETWORKS[name](len(objects.ids))
+    if hasattr(network, "extent"):
+        geometry = Geometry.of(objects)
+        network.extent[:] = geometry.size / geometry.diameter[:, None]
+    return network
+
+
 class Run:
     """One network's training."""
 
-    def __init__(self, name: str, objects: int, work: Path):
+    def __init__(self, name: str, objects: Objects, work: Path):
         torch.manual_seed(sum(map(ord, name)))
         self.name, self.path = name, work / f"{name}.pt"
-        self.network = NETWORKS[name](objects).to(memory_format=torch.channels_last)
+        self.network = new_network(name, objects).to(memory_format=torch.channels_last)
         self.average = AveragedModel(
             self.network, multi_avg_fn=get_ema_multi_avg_fn(0.998), use_buffers=True
         )
@@ -80,7 +90,7 @@ def train(
     """
     torch.set_num_threads(threads)
     geometry = Geometry.of(objects)
-    runs = [Run(name, len(objects.ids), work) for name in names]
+    runs = [Run(name, objects, work) for name in names]
     for run in runs:
         count = sum(p.numel() for p in run.network.parameters())
         print(f"{run.name}: {count} weights, at step {run.step} of {steps}", flush=True)

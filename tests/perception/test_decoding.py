@@ -119,9 +119,9 @@ def test_direct_says_what_crop_terms_mean(seed: int) -> None:
     pose = random_poses(1, seed, depth_m=0.8)[0]
     crop = crop_around(pose)
     rotation, site = crop.terms(pose, K, TRAINED.diameter_m)
-    # Of any length, and the second column not quite at right angles.
-    second = 0.7 * rotation[:, 1] + 0.2 * rotation[:, 0]
-    answer = np.concatenate([3 * rotation[:, 0], second, site])
+    # Of any length, and the second row not quite at right angles.
+    second = 0.7 * rotation[1] + 0.2 * rotation[0]
+    answer = np.concatenate([3 * rotation[0], second, site])
     drawn = np.full((4, CELLS, CELLS), 2.0)
     found = estimator(DirectEstimator).solve([answer, drawn], crop, K, TRAINED)
     assert found is not None

@@ -1,6 +1,6 @@
 """``direct``: the pose is regressed from the crop, guided by a map of object coordinates.
 
-The family of GDR-Net (Wang et al., CVPR 2021): rotation as two columns (Zhou et al., CVPR 2019),
+The family of GDR-Net (Wang et al., CVPR 2021): rotation as two rows (Zhou et al., CVPR 2019),
 seen along the ray to the crop; translation by place and apparent size in it.
 """
 
@@ -36,9 +36,9 @@ class DirectEstimator(CropEstimator):
         x = x / np.linalg.norm(x)
         y = other - (x @ other) * x
         y = y / np.linalg.norm(y)
-        rotation = np.stack([x, y, np.cross(x, y)], axis=-1)
+        rotation = np.stack([x, y, np.cross(x, y)])
         pose = crop.pose(rotation, answer[6:], K, trained.diameter_m)
-        shown = 1 / (1 + np.exp(-drawn[3]))
+        shown = 1 / (1 + np.exp(-drawn[-1]))
         sure = shown[shown > 0.5]
         return pose, float(sure.mean()) if len(sure) else 0.0
 
