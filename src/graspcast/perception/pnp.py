@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+from types import ModuleType
+
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
@@ -9,7 +12,19 @@ from numpy import ndarray
 from graspcast.errors import ExtraMissingError
 from graspcast.geometry import project_to_rotation, transform
 
-__all__ = ["pose_from_points"]
+__all__ = ["import_poselib", "pose_from_points"]
+
+
+def import_poselib() -> ModuleType:
+    """PoseLib.
+
+    Raises:
+        ExtraMissingError: if it is not installed.
+    """
+    try:
+        return import_module("poselib")
+    except ImportError as error:
+        raise ExtraMissingError("poselib", "estimators") from error
 
 
 def pose_from_points(
@@ -32,10 +47,7 @@ def pose_from_points(
     Raises:
         ExtraMissingError: if PoseLib is not installed.
     """
-    try:
-        import poselib
-    except ImportError as error:
-        raise ExtraMissingError("poselib", "estimators") from error
+    poselib = import_poselib()
     if len(points) < 4:
         return None
     camera = {
