@@ -20,7 +20,7 @@ __all__ = ["DenseEstimator", "load"]
 
 _SHOWN = 0.5
 _FEWEST = 6
-_THRESHOLD = 0.5
+_THRESHOLD = 1.0
 """Of RANSAC, in cells."""
 
 
