@@ -19,8 +19,8 @@ from graspcast.perception.pnp import import_poselib, pose_from_points
 __all__ = ["KeypointEstimator", "load"]
 
 _WINDOW = 2
-_SURE, _FEWEST = 0.2, 6
-_THRESHOLD = 1.5
+_SURE, _FEWEST = 0.3, 6
+_THRESHOLD = 3.0
 """Of RANSAC, in cells."""
 
 
