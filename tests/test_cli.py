@@ -157,6 +157,16 @@ def test_errors_prints_a_table_and_writes_every_estimate(
     assert 0 < figures[0]["ray_share_mean"] < 1
 
 
+def test_errors_have_a_shape(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["errors", *inputs(world, "ab"), "--json", str(world / "e.json"), "--shape"]
+    assert main(arguments) == 0
+    out, _ = capsys.readouterr()
+    assert "rank correlation of errors on made" in out and "> 90°" in out
+    shape = json.loads((world / "e.json").read_text())["shape"]["made"]
+    assert set(shape["tails"]) == {"a", "b"}
+    assert shape["tails"]["a"][-1]["n"] == shape["correlations"][0]["n"] == N
+
+
 def test_ground_truth_may_lie_elsewhere(world: Path) -> None:
     (world / "made" / "test").rename(world / "truth")
     assert main(["errors", *inputs(world, "a"), "--ground-truth", str(world / "truth")]) == 0

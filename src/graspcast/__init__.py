@@ -40,8 +40,11 @@ if TYPE_CHECKING:
     from graspcast.learning.scores import Scores, score
     from graspcast.learning.training import cross_validate, train_forecaster
     from graspcast.outcomes import read_outcomes
+    from graspcast.perception.conformance import check_estimator
+    from graspcast.perception.estimator import Estimator, built_in
     from graspcast.promise import Promise, Promises
     from graspcast.published import Published
+    from graspcast.rendering.dataset import render_dataset
     from graspcast.report.paper import reproduce
     from graspcast.thresholds import Sequence, learn_sequence
     from graspcast.truth import match, measure, summarise
@@ -75,8 +78,11 @@ _HOME = {
     "learning.samples": ("Samples", "join"),
     "learning.scores": ("Scores", "score"),
     "outcomes": ("read_outcomes",),
+    "perception.conformance": ("check_estimator",),
+    "perception.estimator": ("Estimator", "built_in"),
     "promise": ("Promise", "Promises"),
     "published": ("Published",),
+    "rendering.dataset": ("render_dataset",),
     "report.paper": ("reproduce",),
     "thresholds": ("Sequence", "learn_sequence"),
     "truth": ("match", "measure", "summarise"),

@@ -8,6 +8,7 @@
     │   ├── UnknownNameError  a name that nobody knows; the message lists those that are known
     │   └── MismatchError     two inputs are each fine, but do not belong together
     ├── ExtraMissingError     an optional dependency is not installed; the message has the pip line
+    ├── EstimatorFailedError  an external estimator's command went wrong; with its last words
     ├── CampaignStoppedError  a campaign could not go on; what it has computed is kept
     └── WorkerLostError       a process that computed trials has died
 
@@ -16,12 +17,14 @@ The command line turns each of them into one message and exit code 2.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import shlex
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from os import PathLike
 
 __all__ = [
     "CampaignStoppedError",
+    "EstimatorFailedError",
     "ExtraMissingError",
     "FormatError",
     "GraspcastError",
@@ -77,6 +80,23 @@ class UnknownNameError(InputError):
 
 class MismatchError(InputError):
     """Two inputs are each fine, but do not belong together."""
+
+
+class EstimatorFailedError(GraspcastError):
+    """An external estimator's command went wrong.
+
+    Args:
+        command: The program and its arguments.
+        problem: What happened to it.
+        last_lines: The end of what it wrote to standard error.
+    """
+
+    def __init__(self, command: Sequence[str], problem: str, last_lines: Iterable[str] = ()):
+        message = f"the command {shlex.join(command)} {problem}"
+        said = "".join(f"\n  {line}" for line in last_lines)
+        super().__init__(
+            message + (f"; the last that it wrote to standard error:{said}" if said else "")
+        )
 
 
 class CampaignStoppedError(GraspcastError):

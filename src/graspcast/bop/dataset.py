@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt8
 from numpy import ndarray
 
+from graspcast.bop.images import find_images, read_image
 from graspcast.bop.json_files import identifier, numbers, read_json, require
 from graspcast.bop.models import Models
 from graspcast.bop.results import MAX_ROTATION_DEVIATION, checked_rotations
@@ -36,6 +37,8 @@ class GroundTruth:
         cam_T_obj: Poses in metres, (n, 4, 4).
         visib_fract: Visible share of the silhouette, NaN where it is not stated, (n,).
         source: Where they came from, for messages.
+        box_xywh: Left, top, width, height of the whole silhouette in pixels, hidden parts
+            included, NaN where they are not stated, (n, 4).
     """
 
     scene_id: Int[ndarray, "n"]
@@ -45,6 +48,7 @@ class GroundTruth:
     cam_T_obj: Float[ndarray, "n 4 4"]
     visib_fract: Float[ndarray, "n"]
     source: str = "ground truth"
+    box_xywh: Float[ndarray, "n 4"] | None = None
 
     def __len__(self) -> int:
         return len(self.obj_id)
@@ -93,6 +97,7 @@ def read_ground_truth(directory: str | PathLike[str]) -> GroundTruth:
     rotations: list[ndarray] = []
     translations: list[ndarray] = []
     visible: list[float] = []
+    boxes: list[ndarray] = []
     for scene_id, path in _scenes(directory, "scene_gt.json"):
         images = read_json(path, dict)
         info_path = path.with_name("scene_gt_info.json")
@@ -103,7 +108,7 @@ def read_ground_truth(directory: str | PathLike[str]) -> GroundTruth:
             im_id = identifier(image, path, where)
             if not isinstance(instances, list):
                 raise FormatError(path, "should be a list of instances", where=where)
-            shares = _visible(info.get(image), len(instances), info_path, where)
+            shares, outlines = _seen(info.get(image), len(instances), info_path, where)
             seen: dict[int, int] = {}
             for i, entry in enumerate(instances):
                 at = f"{where}, instance {i}"
@@ -113,6 +118,7 @@ def read_ground_truth(directory: str | PathLike[str]) -> GroundTruth:
                 rotations.append(numbers(require(entry, "cam_R_m2c", path, at), (3, 3), path, at))
                 translations.append(numbers(require(entry, "cam_t_m2c", path, at), (3,), path, at))
             visible.extend(shares)
+            boxes.extend(outlines)
         _, distance = checked_rotations(np.array(rotations[scene_start:]).reshape(-1, 3, 3))
         if (distance > MAX_ROTATION_DEVIATION).any():
             worst = keys[scene_start + int(np.argmax(distance))]
@@ -131,18 +137,27 @@ def read_ground_truth(directory: str | PathLike[str]) -> GroundTruth:
         cam_T_obj=transform(rotation, metres(np.array(translations).reshape(-1, 3))),
         visib_fract=np.array(visible, dtype=np.float64),
         source=str(directory),
+        box_xywh=np.array(boxes, dtype=np.float64).reshape(-1, 4),
     )
 
 
-def _visible(entries: Any, count: int, path: Path, where: str) -> list[float]:
+def _seen(
+    entries: Any, count: int, path: Path, where: str
+) -> tuple[list[float], list[Float[ndarray, "4"]]]:
+    """Visible shares and boxes of an image's instances, as ``scene_gt_info.json`` states them."""
+    unknown = np.full(4, np.nan)
     if entries is None:
-        return [float("nan")] * count
+        return [float("nan")] * count, [unknown] * count
     if not isinstance(entries, list) or len(entries) != count:
         raise FormatError(path, f"should list {count} instances, as scene_gt.json", where=where)
-    return [
-        float(numbers(require(e, "visib_fract", path, where), (), path, f"{where}, visib_fract"))
-        for e in entries
-    ]
+    shares, boxes = [], []
+    for entry in entries:
+        share = require(entry, "visib_fract", path, where)
+        shares.append(float(numbers(share, (), path, f"{where}, visib_fract")))
+        box = entry.get("bbox_obj")
+        at = f"{where}, bbox_obj"
+        boxes.append(unknown if box is None else numbers(box, (4,), path, at))
+    return shares, boxes
 
 
 def read_targets(path: str | PathLike[str]) -> list[Target]:
@@ -239,3 +254,35 @@ class BopDataset:
         if any(self.scenes.glob("*/scene_camera.json")):
             return self.scene_cameras.get((scene_id, im_id), self.camera)
         return self.camera
+
+    @cached_property
+    def image_size(self) -> tuple[int, int] | None:
+        """Width and height of every image in pixels, where ``camera.json`` states them."""
+        path = self.root / "camera.json"
+        entry = read_json(path, dict) if path.is_file() else {}
+        if "width" not in entry or "height" not in entry:
+            return None
+        return identifier(entry["width"], path, "width"), identifier(
+            entry["height"], path, "height"
+        )
+
+    @cached_property
+    def images(self) -> dict[tuple[int, int], Path]:
+        """(scene, image) to its RGB file, of the split.
+
+        Raises:
+            InputError: if there are none.
+        """
+        return find_images(self.scenes)
+
+    def image(self, scene_id: int, im_id: int) -> UInt8[ndarray, "h w 3"]:
+        """The RGB image, of the size that ``camera.json`` states.
+
+        Raises:
+            InputError: if there is no such image.
+            FormatError: if it is not RGB, of another size, or broken.
+            ExtraMissingError: if Pillow is not installed.
+        """
+        if (scene_id, im_id) not in self.images:
+            raise InputError(f"no image {scene_id}/{im_id} in {self.scenes}")
+        return read_image(self.images[scene_id, im_id], self.image_size)

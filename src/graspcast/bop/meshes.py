@@ -8,13 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt8
 from numpy import ndarray
 
-from graspcast.bop.units import metres
+from graspcast.bop.units import metres, millimetres
 from graspcast.errors import FormatError
+from graspcast.files import atomic_write
 
-__all__ = ["Mesh", "read_mesh"]
+__all__ = ["Mesh", "read_coloured_mesh", "read_mesh", "write_mesh"]
+
+_GREY = 150
 
 
 @dataclass(frozen=True)
@@ -36,16 +39,58 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
     Raises:
         FormatError: if the file cannot be read as PLY, or has no finite vertices.
     """
+    return _mesh(Path(path), _load(Path(path)))
+
+
+def read_coloured_mesh(path: str | PathLike[str]) -> tuple[Mesh, UInt8[ndarray, "v 3"]]:
+    """Read a BOP model and the colour (RGB) of each vertex.
+
+    Colours are those of the vertices, or of the texture at each vertex; grey where the file has
+    neither.
+
+    Raises:
+        FormatError: as :func:`read_mesh`.
+    """
+    path = Path(path)
+    loaded = _load(path)
+    mesh = _mesh(path, loaded)
+    colours = np.full(mesh.vertices.shape, _GREY, dtype=np.uint8)
+    visual = getattr(loaded, "visual", None)
+    if visual is not None and visual.defined:
+        colours[:] = (visual if visual.kind == "vertex" else visual.to_color()).vertex_colors[:, :3]
+    return mesh, colours
+
+
+def write_mesh(
+    path: str | PathLike[str], mesh: Mesh, colours: UInt8[ndarray, "v 3"] | None = None
+) -> None:
+    """Write a mesh as a BOP model: binary PLY in millimetres, single precision."""
     import trimesh
 
-    path = Path(path)
+    made: Any = trimesh.Trimesh(
+        millimetres(mesh.vertices), mesh.faces, vertex_colors=colours, process=False
+    )
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(made.export(file_type="ply", vertex_normal=False))
+
+
+def _load(path: Path) -> Any:
+    import trimesh
+
     try:
         with path.open("rb") as stream:
-            loaded: Any = trimesh.load(stream, file_type="ply", process=False)
-        vertices = np.array(loaded.vertices, dtype=np.float64)
-        faces = np.array(getattr(loaded, "faces", np.empty((0, 3))), dtype=np.int64)
+            resolver = trimesh.resolvers.FilePathResolver(str(path))
+            return trimesh.load(stream, file_type="ply", process=False, resolver=resolver)
     except OSError as error:
         raise FormatError(path, f"cannot be read ({error.strerror})") from error
+    except Exception as error:  # trimesh raises whatever its parser met
+        raise FormatError(path, f"is not a PLY mesh ({error})") from error
+
+
+def _mesh(path: Path, loaded: Any) -> Mesh:
+    try:
+        vertices = np.array(loaded.vertices, dtype=np.float64)
+        faces = np.array(getattr(loaded, "faces", np.empty((0, 3))), dtype=np.int64)
     except Exception as error:  # trimesh raises whatever its parser met
         raise FormatError(path, f"is not a PLY mesh ({error})") from error
     if len(vertices) == 0 or vertices.ndim != 2 or not np.isfinite(vertices).all():

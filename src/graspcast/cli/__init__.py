@@ -11,10 +11,12 @@ from graspcast.cli import (
     campaign,
     compare,
     data,
+    estimate,
     evaluate,
     learn,
     predict,
     promise,
+    render,
     see,
     validate,
 )
@@ -33,7 +35,19 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="graspcast", description=_DESCRIPTION)
     top.add_argument("--version", action="version", version=f"graspcast {__version__}")
     verbs = top.add_subparsers(title="verbs", dest="verb", metavar="VERB", required=True)
-    for module in (data, learn, predict, compare, promise, evaluate, campaign, validate, see):
+    for module in (
+        data,
+        render,
+        estimate,
+        learn,
+        predict,
+        compare,
+        promise,
+        evaluate,
+        campaign,
+        validate,
+        see,
+    ):
         module.add_verbs(verbs)
     return top
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from graspcast.cli.console import note, print_table, print_text, progress_bar
 from graspcast.cli.options import (
@@ -15,10 +17,21 @@ from graspcast.cli.options import (
     write_json,
 )
 
+if TYPE_CHECKING:
+    from polars import DataFrame
+
 __all__ = ["add_verbs"]
 
 _SHORT = {"translation_mm": "transl._mm", "add_s_mm": "ADD-S_mm", "add_mm": "ADD_mm"}
 _SHORT |= {"mssd_mm": "MSSD_mm", "mspd_px": "MSPD_px"}
+_HEADS = {"obj_id": "object", "ray_share_50": "ray share\n50 %"}
+_HEADS |= {f"rotation_deg_{q}": f"rot._deg\n{q} %" for q in (50, 75, 95)}
+_HEADS |= {f"translation_mm_{q}": f"transl._mm\n{q} %" for q in (50, 75, 95)}
+_HEADS |= {
+    "over_30_deg": "share\n> 30°",
+    "over_90_deg": "share\n> 90°",
+    "over_50_mm": "share\n> 50 mm",
+}
 
 
 def add_verbs(verbs: Verbs) -> None:
@@ -49,6 +62,11 @@ def add_verbs(verbs: Verbs) -> None:
     verb.add_argument(
         "--out", metavar="PATH", type=Path, help="write every estimate's errors (CSV or Parquet)"
     )
+    verb.add_argument(
+        "--shape",
+        action="store_true",
+        help="print tails instead, and whether estimators fail on the same instances",
+    )
     add_json(verb)
 
 
@@ -67,7 +85,7 @@ def _errors(options: argparse.Namespace) -> None:
     import polars as pl
 
     from graspcast.outcomes import write_table
-    from graspcast.truth import MEASURES, measure, summarise
+    from graspcast.truth import measure, summarise
 
     inputs = inputs_of(options)
     jobs = [(d, e, t) for d, tables in inputs.results.items() for e, t in tables.items()]
@@ -87,14 +105,10 @@ def _errors(options: argparse.Namespace) -> None:
             parts.append(errors.select(*names, pl.all()))
     for text in inputs.notes:
         note(text)
-    header = ["object", "n", *(_SHORT.get(m, m).replace("_", "\n") for m in MEASURES)]
-    for (dataset, estimator), table in figures.items():
-        rows = []
-        for row in table.iter_rows(named=True):
-            cells = (row[f"{m}_{options.statistic}"] for m in MEASURES)
-            name = "mean" if row["obj_id"] is None else str(row["obj_id"])
-            rows.append([name, str(row["n"]), *("-" if c is None else f"{c:.2f}" for c in cells)])
-        print_table(f"{estimator} on {dataset}, {options.statistic}", header, rows)
+    if options.shape:
+        shape = _shape(parts)
+    else:
+        _print_errors(figures, options.statistic)
     if options.out:
         write_table(options.out, pl.concat(parts))
     write_json(
@@ -103,6 +117,53 @@ def _errors(options: argparse.Namespace) -> None:
             "errors": {
                 dataset: {e: t.to_dicts() for (d, e), t in figures.items() if d == dataset}
                 for dataset in inputs.results
-            }
+            },
+            **({"shape": shape} if options.shape else {}),
         },
     )
+
+
+def _print_errors(figures: Mapping[tuple[str, str], DataFrame], statistic: str) -> None:
+    from graspcast.truth import MEASURES
+
+    header = ["object", "n", *(_SHORT.get(m, m).replace("_", "\n") for m in MEASURES)]
+    for (dataset, estimator), table in figures.items():
+        rows = []
+        for row in table.iter_rows(named=True):
+            cells = (row[f"{m}_{statistic}"] for m in MEASURES)
+            name = "mean" if row["obj_id"] is None else str(row["obj_id"])
+            rows.append([name, str(row["n"]), *("-" if c is None else f"{c:.2f}" for c in cells)])
+        print_table(f"{estimator} on {dataset}, {statistic}", header, rows)
+
+
+def _shape(parts: Sequence[DataFrame]) -> dict[str, Any]:
+    """Print tails and correlations of each dataset; the figures for JSON."""
+    from graspcast.error_shape import correlations, tails
+
+    by_dataset: dict[str, dict[str, DataFrame]] = {}
+    for part in parts:
+        dataset, estimator = part["dataset"][0], part["estimator"][0]
+        by_dataset.setdefault(dataset, {})[estimator] = part
+    out: dict[str, Any] = {}
+    for dataset, tables in by_dataset.items():
+        found = {name: tails(table) for name, table in tables.items()}
+        for name, table in found.items():
+            header = [_HEADS.get(column, column) for column in table.columns]
+            print_table(f"{name} on {dataset}", header, [_cells(row) for row in table.rows()])
+        pairs = correlations(tables)
+        if len(pairs):
+            header = ["", "", "n", "rotation", "translation", "both_large"]
+            title = f"rank correlation of errors on {dataset}"
+            print_table(title, header, [_cells(row) for row in pairs.rows()])
+        out[dataset] = {
+            "tails": {name: table.to_dicts() for name, table in found.items()},
+            "correlations": pairs.to_dicts(),
+        }
+    return out
+
+
+def _cells(row: Sequence[Any]) -> list[str]:
+    """The first cell names; numbers below one are shares."""
+    first = "all" if row[0] is None else str(row[0])
+    rest = ["-" if x is None else f"{x:.2f}" if isinstance(x, float) else str(x) for x in row[1:]]
+    return [first, *rest]

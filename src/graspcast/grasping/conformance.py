@@ -3,58 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from graspcast.checks import Check, Report, UnmetError
 from graspcast.errors import GraspcastError
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.scene import Scene
 from graspcast.grasping.trial import Outcome, TrialRunner
 from graspcast.grasping.types import Grasp, GraspObject, Primitive, check_rigid
 
-__all__ = ["Check", "GripperReport", "check_gripper", "test_column"]
+__all__ = ["GripperReport", "check_gripper", "test_column"]
 
 
-@dataclass(frozen=True)
-class Check:
-    """One requirement, whether it is met, and what was seen."""
+class GripperReport(Report):
+    """What :func:`check_gripper` found."""
 
-    name: str
-    passed: bool
-    detail: str
-
-
-@dataclass(frozen=True)
-class GripperReport:
-    """What :func:`check_gripper` found, in the order in which it looked."""
-
-    gripper: str
-    checks: tuple[Check, ...]
-
-    @property
-    def passed(self) -> bool:
-        """Whether every check passed."""
-        return all(check.passed for check in self.checks)
-
-    @property
-    def failures(self) -> tuple[Check, ...]:
-        """The checks that did not pass."""
-        return tuple(check for check in self.checks if not check.passed)
-
-    def __str__(self) -> str:
-        lines = [f"gripper {self.gripper}: {'passed' if self.passed else 'FAILED'}"]
-        lines += [f"  {'ok  ' if c.passed else 'FAIL'} {c.name}: {c.detail}" for c in self.checks]
-        return "\n".join(lines)
+    kind = "gripper"
 
 
 _DEEPEST_M = 0.003
-
-
-class _FailedError(Exception):
-    """A check is not met; the message says what was seen and what to look at."""
 
 
 def check_gripper(gripper: Gripper) -> GripperReport:
@@ -76,7 +47,7 @@ def check_gripper(gripper: Gripper) -> GripperReport:
     for name, check in _CHECKS:
         try:
             checks.append(Check(name, True, check(gripper, bench)))
-        except (_FailedError, GraspcastError) as problem:
+        except (UnmetError, GraspcastError) as problem:
             checks.append(Check(name, False, str(problem)))
             if name in _NEEDED:
                 break
@@ -111,26 +82,26 @@ def test_column(width_m: float, *, mass_kg: float = 0.3, friction: float = 0.8) 
 def _describes(gripper: Gripper, bench: dict[str, Any]) -> str:
     wanted = [name for name in dir(Gripper) if not name.startswith("_")]
     if missing := [name for name in wanted if not hasattr(gripper, name)]:
-        raise _FailedError(f"lacks {', '.join(missing)}")
+        raise UnmetError(f"lacks {', '.join(missing)}")
     check_rigid(gripper.base_T_tcp, "base_T_tcp")
     if not gripper.max_opening_m > 0:
-        raise _FailedError(f"max_opening_m is {gripper.max_opening_m}; it must be > 0")
+        raise UnmetError(f"max_opening_m is {gripper.max_opening_m}; it must be > 0")
     return f"opens to {1e3 * gripper.max_opening_m:.0f} mm"
 
 
 def _compiles(gripper: Gripper, bench: dict[str, Any]) -> str:
     spec, other = gripper.spec(), gripper.spec()
     if spec is other:
-        raise _FailedError("spec() gave the same object twice; it must make a fresh one")
+        raise UnmetError("spec() gave the same object twice; it must make a fresh one")
     roots = list(spec.worldbody.bodies)
     if len(roots) != 1 or roots[0].joints:
-        raise _FailedError(
+        raise UnmetError(
             f"needs one root body, the hand's base, without a joint; it has {len(roots)}"
         )
     try:
         bench["model"] = spec.compile()
     except ValueError as error:
-        raise _FailedError(f"MuJoCo does not compile it: {error}") from error
+        raise UnmetError(f"MuJoCo does not compile it: {error}") from error
     return f"{bench['model'].nv} degrees of freedom, {bench['model'].nu} actuators"
 
 
@@ -138,7 +109,7 @@ def _actuators(gripper: Gripper, bench: dict[str, Any]) -> str:
     model, commanded = bench["model"], set(gripper.closing.open)
     there = {model.actuator(i).name for i in range(model.nu)}
     if commanded != there:
-        raise _FailedError(
+        raise UnmetError(
             f"commands name {sorted(commanded)}, the model's actuators are {sorted(there)}"
         )
     return ", ".join(sorted(there))
@@ -148,7 +119,7 @@ def _touches(gripper: Gripper, bench: dict[str, Any]) -> str:
     model = bench["model"]
     count = int(np.count_nonzero(model.geom_contype | model.geom_conaffinity))
     if not count:
-        raise _FailedError("no geom collides: give some a contype or conaffinity that is not zero")
+        raise UnmetError("no geom collides: give some a contype or conaffinity that is not zero")
     return f"{count} of {model.ngeom} geoms collide"
 
 
@@ -160,7 +131,7 @@ def _opens(gripper: Gripper, bench: dict[str, Any]) -> str:
     bench["open"] = hand.scene.posture()
     speed = hand.scene.hand_speed()
     if speed > 1e-3:
-        raise _FailedError(
+        raise UnmetError(
             f"still moves at {1e3 * speed:.1f} mm/s, 1.5 s after it was told to open: "
             "more damping, or a weaker servo"
         )
@@ -173,12 +144,12 @@ def _closes(gripper: Gripper, bench: dict[str, Any]) -> str:
     hand.command(closing.close, gripper.equilibrium.limit_s)
     moved = float(np.abs(hand.scene.posture() - bench["open"]).max())
     if moved < 0.1 * gripper.max_opening_m:
-        raise _FailedError(
+        raise UnmetError(
             f"no joint moved by more than {1e3 * moved:.1f} mm on its way from open to closed; "
             "are open and close different, and the servo strong enough?"
         )
     if hand.scene.hand_speed() > 1e-3:
-        raise _FailedError(
+        raise UnmetError(
             f"closed on nothing, it still moves at {1e3 * hand.scene.hand_speed():.1f} mm/s after "
             f"{gripper.equilibrium.limit_s:g} s"
         )
@@ -191,7 +162,7 @@ def _reopens(gripper: Gripper, bench: dict[str, Any]) -> str:
     hand.command(closing.open, 1.0)
     apart = float(np.abs(hand.scene.posture() - bench["open"]).max())
     if apart > 1e-3:
-        raise _FailedError(f"a joint is {1e3 * apart:.1f} mm from where it was when open")
+        raise UnmetError(f"a joint is {1e3 * apart:.1f} mm from where it was when open")
     return f"back to open within {1e3 * apart:.2f} mm"
 
 
@@ -212,7 +183,7 @@ def _holds(gripper: Gripper, bench: dict[str, Any]) -> str:
     outcome = runner.run(np.eye(4), _grasp(gripper, width), early_stop=False, record=watch)
     bench["held"], bench["depth"] = outcome, max(depths)
     if not outcome.success:
-        raise _FailedError(
+        raise UnmetError(
             f"a column of {1e3 * width:.0f} mm and 0.3 kg, grasped without error, was "
             f"{outcome.reason} (offset {1e3 * outcome.offset_m:.0f} mm). Is the TCP between the "
             "fingertips, its z out along the fingers, its x the direction of closing?"
@@ -223,7 +194,7 @@ def _holds(gripper: Gripper, bench: dict[str, Any]) -> str:
 def _solid(gripper: Gripper, bench: dict[str, Any]) -> str:
     depth = bench["depth"]
     if depth > _DEEPEST_M:
-        raise _FailedError(
+        raise UnmetError(
             f"it sank {1e3 * depth:.1f} mm into the column that it grasped, so it could press "
             "through a thin wall: limit its actuators' force, or give its joints more armature"
         )
@@ -236,7 +207,7 @@ def _misses(gripper: Gripper, bench: dict[str, Any]) -> str:
     outcome = runner.run(np.eye(4), _grasp(gripper, bench["width"], raised), early_stop=False)
     bench["missed"] = outcome
     if outcome.reason != "missed":
-        raise _FailedError(f"grasping {1e3 * raised:.0f} mm too high was {outcome.reason}")
+        raise UnmetError(f"grasping {1e3 * raised:.0f} mm too high was {outcome.reason}")
     return f"grasping {1e3 * raised:.0f} mm too high leaves the column standing"
 
 
@@ -245,7 +216,7 @@ def _drops(gripper: Gripper, bench: dict[str, Any]) -> str:
     heavy = TrialRunner(test_column(width, mass_kg=100.0), gripper)
     outcome = heavy.run(np.eye(4), _grasp(gripper, width))
     if outcome.reason not in ("dropped", "slipped", "missed"):
-        raise _FailedError(
+        raise UnmetError(
             f"a column of 100 kg was {outcome.reason}: is any actuator without a force limit?"
         )
     return f"a column of 100 kg is {outcome.reason}"
@@ -257,7 +228,7 @@ def _repeats(gripper: Gripper, bench: dict[str, Any]) -> str:
     fresh = TrialRunner(test_column(bench["width"]), gripper)
     anew = fresh.run(np.eye(4), _grasp(gripper, bench["width"]), early_stop=False)
     if not _same(again, bench["held"]) or not _same(anew, bench["held"]):
-        raise _FailedError(
+        raise UnmetError(
             f"the same trial gave offsets of {bench['held'].offset_m!r}, {again.offset_m!r} and "
             f"{anew.offset_m!r} m; does spec() depend on anything that changes?"
         )

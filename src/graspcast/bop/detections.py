@@ -1,0 +1,263 @@
+"""2D detections: where a detector saw which object, the input of pose estimators.
+
+Format: https://bop.felk.cvut.cz/challenges/bop-challenge-2022/ (Section 5.1), a JSON list of
+``{scene_id, image_id, category_id, score, bbox, …}`` with the box as x, y, width, height in pixels.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from graspcast.bop.dataset import BopDataset, Target
+from graspcast.bop.json_files import identifier, numbers, read_json, require
+from graspcast.errors import FormatError, InputError
+from graspcast.files import write_text
+
+__all__ = ["Detections", "jittered", "read_detections", "write_detections"]
+
+MIN_VISIBLE_SHARE = 0.1
+"""Instances that are less visible are no targets in BOP (Hodan et al., BOP Challenge 2020, 2.1)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Detections:
+    """Detected objects, in the order of the file.
+
+    Attributes:
+        scene_id, im_id, obj_id: BOP numbers, (n,).
+        score: The detector's confidence, (n,); anything finite.
+        box_xywh: Left, top, width, height in pixels, (n, 4). Amodal: a box encloses hidden parts
+            too, so it may reach beyond the image, but some of it lies in the image.
+        source: The file they came from, for messages.
+        detector: What made them, where that is stated.
+        dropped: How many entries were left out, by reason.
+    """
+
+    scene_id: Int[ndarray, "n"]
+    im_id: Int[ndarray, "n"]
+    obj_id: Int[ndarray, "n"]
+    score: Float[ndarray, "n"]
+    box_xywh: Float[ndarray, "n 4"]
+    source: str = "detections"
+    detector: str = ""
+    dropped: Mapping[str, int] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.obj_id)
+
+    def select(self, which: Bool[ndarray, "n"] | Int[ndarray, "m"]) -> Detections:
+        """Some of the rows, by mask or by number."""
+        names = ("scene_id", "im_id", "obj_id", "score", "box_xywh")
+        return replace(self, **{name: getattr(self, name)[which] for name in names})
+
+    def images(self) -> dict[tuple[int, int], Detections]:
+        """(scene, image) to its detections, by number."""
+        rows: dict[tuple[int, int], list[int]] = {}
+        for i, key in enumerate(zip(self.scene_id.tolist(), self.im_id.tolist(), strict=True)):
+            rows.setdefault(key, []).append(i)
+        return {key: self.select(np.array(rows[key])) for key in sorted(rows)}
+
+
+def read_detections(
+    path: str | PathLike[str], dataset: BopDataset | None = None, *, lenient: bool = False
+) -> Detections:
+    """Read a BOP detections file; masks and run times in it are not used.
+
+    Args:
+        path: The JSON file.
+        dataset: Whose images and objects they are; checked against it if given.
+        lenient: Skip wrong entries and count them in ``dropped``, instead of raising.
+
+    Raises:
+        FormatError: naming file and entry: a missing key, a number that is not finite, an empty
+            box, the same box twice; and, given a dataset, an image or an object that it has not,
+            or a box beside the image.
+    """
+    checks = _Checks(dataset)
+    rows: list[tuple[int, int, int, float, list[float]]] = []
+    makers: set[str] = set()
+    dropped: Counter[str] = Counter()
+    for i, entry in enumerate(read_json(path, list)):
+        where = f"entry {i}"
+        try:
+            row = _parse(entry, path, where)
+            checks.box(row, path, where)
+        except FormatError:
+            if not lenient:
+                raise
+            dropped["bad entry"] += 1
+            continue
+        if problem := checks.unknown(row):
+            reason, message = problem
+            if not lenient:
+                raise FormatError(path, f"{message}; --lenient skips such entries", where=where)
+            dropped[reason] += 1
+            continue
+        rows.append(row)
+        makers.add(str(entry.get("detector", "")))
+    return Detections(
+        scene_id=np.array([r[0] for r in rows], dtype=np.int64),
+        im_id=np.array([r[1] for r in rows], dtype=np.int64),
+        obj_id=np.array([r[2] for r in rows], dtype=np.int64),
+        score=np.array([r[3] for r in rows], dtype=np.float64),
+        box_xywh=np.array([r[4] for r in rows], dtype=np.float64).reshape(-1, 4),
+        source=str(path),
+        detector=", ".join(sorted(makers - {""})),
+        dropped=dict(dropped),
+    )
+
+
+_Row = tuple[int, int, int, float, list[float]]
+
+
+def _parse(entry: Any, path: str | PathLike[str], where: str) -> _Row:
+    scene_id, im_id, obj_id = (
+        identifier(require(entry, key, path, where), path, f"{where}, {key}")
+        for key in ("scene_id", "image_id", "category_id")
+    )
+    score = float(numbers(require(entry, "score", path, where), (), path, f"{where}, score"))
+    box = numbers(require(entry, "bbox", path, where), (4,), path, f"{where}, bbox")
+    return scene_id, im_id, obj_id, score, box.tolist()
+
+
+class _Checks:
+    """What the entries of one file must agree with: the dataset, and one another."""
+
+    def __init__(self, dataset: BopDataset | None):
+        self.dataset = dataset
+        self.size = dataset.image_size if dataset else None
+        self.seen: dict[tuple[object, ...], str] = {}
+
+    def box(self, row: _Row, path: str | PathLike[str], where: str) -> None:
+        scene_id, im_id, obj_id, _, (x, y, width, height) = row
+        if not (width > 0 and height > 0):
+            raise FormatError(
+                path,
+                f"the box [{x:g}, {y:g}, {width:g}, {height:g}] is empty; a box is x, y, width, "
+                "height in pixels, not two corners",
+                where=where,
+            )
+        if self.size and not _meets((x, y, width, height), self.size):
+            raise FormatError(
+                path,
+                f"the box [{x:g}, {y:g}, {width:g}, {height:g}] lies outside of the image, which "
+                f"has {self.size[0]} x {self.size[1]} pixels",
+                where=where,
+            )
+        first = self.seen.setdefault((scene_id, im_id, obj_id, x, y, width, height), where)
+        if first != where:
+            raise FormatError(path, f"repeats the object and box of {first}", where=where)
+
+    def unknown(self, row: _Row) -> tuple[str, str] | None:
+        """Reason and message, if the dataset has not the entry's image or object."""
+        if self.dataset is None:
+            return None
+        scene_id, im_id, obj_id = row[:3]
+        if (scene_id, im_id) not in self.dataset.images:
+            return "unknown image", f"no image {scene_id}/{im_id} in {self.dataset.scenes}"
+        models = self.dataset.models
+        if obj_id not in models.info:
+            known = ", ".join(map(str, sorted(models.info)))
+            return (
+                "object without a model",
+                f"object {obj_id} is not in {models.directory / 'models_info.json'}, which has "
+                f"{known}",
+            )
+        return None
+
+
+def _meets(box_xywh: Iterable[float], size: tuple[int, int]) -> bool:
+    x, y, width, height = box_xywh
+    return x < size[0] and y < size[1] and x + width > 0 and y + height > 0
+
+
+def write_detections(path: str | PathLike[str], detections: Detections) -> None:
+    """Write a BOP detections file; :func:`read_detections` gives the very same numbers back."""
+    maker = {"detector": detections.detector} if detections.detector else {}
+    entries = [
+        json.dumps(
+            {
+                "scene_id": int(detections.scene_id[i]),
+                "image_id": int(detections.im_id[i]),
+                "category_id": int(detections.obj_id[i]),
+                "score": float(detections.score[i]),
+                "bbox": detections.box_xywh[i].tolist(),
+                "time": -1.0,
+                **maker,
+            }
+        )
+        for i in range(len(detections))
+    ]
+    write_text(path, "[\n" + ",\n".join(entries) + "\n]\n" if entries else "[]\n")
+
+
+def jittered(
+    dataset: BopDataset,
+    seed: int,
+    *,
+    targets: Iterable[Target] | None = None,
+    shift: float = 0.05,
+    scale: float = 0.05,
+) -> Detections:
+    """Boxes of the ground truth, displaced at random: a stand-in for a detector, and no more.
+
+    The centre of each box moves by at most ``shift`` of its size, and each side grows or shrinks by
+    at most ``scale``, uniformly; a box that would then lie beside the image stays as it is. The
+    score is 1. No object is missed, confused or invented, so estimates from these boxes say nothing
+    about a detector: ``detector`` of the table, and of every entry of a file that is made of it,
+    says what they are. An instance's box depends on its numbers and the seed alone.
+
+    Args:
+        dataset: With ``scene_gt_info.json``, whose ``bbox_obj`` are the boxes.
+        seed: Another seed moves the boxes otherwise.
+        targets: Only these objects, however little is visible of them; of a target that states no
+            object, all that are visible by at least 10 %, as of every image without targets.
+        shift: Largest displacement as a share of width and height.
+        scale: Largest change of width and height as a share of them.
+
+    Raises:
+        InputError: if the ground truth states no boxes, or no instance is visible enough.
+    """
+    truth = dataset.ground_truth
+    if truth.box_xywh is None or np.isnan(truth.box_xywh).all():
+        raise InputError(f"{truth.source}: no scene_gt_info.json here states a bbox_obj")
+    keep = truth.visib_fract >= MIN_VISIBLE_SHARE
+    if targets is not None:
+        wanted = {(t.scene_id, t.im_id, t.obj_id) for t in targets}
+        rows = np.column_stack([truth.scene_id, truth.im_id, truth.obj_id]).tolist()
+        named = np.array([(s, i, o) in wanted for s, i, o in rows], dtype=bool)
+        in_image = np.array([(s, i, None) in wanted for s, i, _ in rows], dtype=bool)
+        keep = named | (in_image & keep)
+    keep &= (truth.box_xywh[:, 2:] > 0).all(axis=1)  # neither unstated nor out of sight
+    chosen = np.flatnonzero(keep)
+    boxes = truth.box_xywh[chosen]
+    for box, i in zip(boxes, chosen, strict=True):
+        numbers_of = (truth.scene_id[i], truth.im_id[i], truth.obj_id[i], truth.inst_id[i])
+        draw = np.random.default_rng([seed, *map(int, numbers_of)]).uniform(-1, 1, 4)
+        size = box[2:] * (1 + scale * draw[2:])
+        moved = np.array([*(box[:2] + box[2:] * (0.5 + shift * draw[:2]) - size / 2), *size])
+        if dataset.image_size is None or _meets(moved.tolist(), dataset.image_size):
+            box[:] = moved
+    if not len(chosen):
+        raise InputError(
+            f"{truth.source}: none of the wanted instances is visible by at least "
+            f"{MIN_VISIBLE_SHARE:.0%}"
+        )
+    return Detections(
+        scene_id=truth.scene_id[chosen],
+        im_id=truth.im_id[chosen],
+        obj_id=truth.obj_id[chosen],
+        score=np.ones(len(chosen)),
+        box_xywh=boxes,
+        source=truth.source,
+        detector=f"jittered ground truth, seed {seed}, not a detector",
+    )

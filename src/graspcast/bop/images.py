@@ -1,0 +1,77 @@
+"""The RGB images of a BOP dataset."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import UInt8
+from numpy import ndarray
+
+from graspcast.errors import ExtraMissingError, FormatError, InputError
+
+__all__ = ["find_images", "read_image"]
+
+ENDINGS = (".jpeg", ".jpg", ".png", ".webp")
+_KINDS = {"L": "is grayscale", "1": "is black and white", "P": "has a palette"}
+
+
+def find_images(directory: str | PathLike[str]) -> dict[tuple[int, int], Path]:
+    """(scene, image) to file, of every ``SCENE/rgb/IMAGE.png`` (``.jpg``, ``.webp``).
+
+    Raises:
+        InputError: if there are none, or an image is there twice.
+    """
+    directory = Path(directory)
+    out: dict[tuple[int, int], Path] = {}
+    for path in sorted(directory.glob("*/rgb/*")) if directory.is_dir() else []:
+        scene = path.parent.parent.name
+        if scene.isdigit() and path.stem.isdigit() and path.suffix.lower() in ENDINGS:
+            key = int(scene), int(path.stem)
+            if key in out:
+                raise InputError(f"{path}: the same image as {out[key]}; remove one of them")
+            out[key] = path
+    if not out:
+        raise InputError(
+            f"{directory}: no RGB images here; they should be SCENE/rgb/IMAGE, ending in "
+            f"{', '.join(ENDINGS)}"
+        )
+    return out
+
+
+def read_image(
+    path: str | PathLike[str], size: tuple[int, int] | None = None
+) -> UInt8[ndarray, "h w 3"]:
+    """Read an RGB image.
+
+    Args:
+        path: PNG, JPEG or WebP.
+        size: The width and height that it must have, if any.
+
+    Raises:
+        ExtraMissingError: if Pillow is not installed.
+        FormatError: if it cannot be read, is grayscale, has an alpha channel, or another size.
+    """
+    try:
+        from PIL import Image, UnidentifiedImageError
+    except ImportError as error:
+        raise ExtraMissingError("pillow", "render") from error
+    try:
+        with Image.open(path) as image:
+            if image.mode != "RGB":
+                kind = "has an alpha channel" if "A" in image.mode else None
+                kind = kind or _KINDS.get(image.mode, f"is of mode {image.mode}")
+                raise FormatError(path, f"{kind}, but an estimator takes three channels, RGB")
+            if size is not None and image.size != size:
+                raise FormatError(
+                    path,
+                    f"has {image.width} x {image.height} pixels, but camera.json says "
+                    f"{size[0]} x {size[1]}; the camera's matrix is of that size alone",
+                )
+            return np.array(image)
+    except UnidentifiedImageError as error:
+        raise FormatError(path, "is not a PNG, JPEG or WebP image") from error
+    except (OSError, SyntaxError, ValueError) as error:  # what Pillow's decoders raise
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else error
+        raise FormatError(path, f"cannot be read ({reason})") from error

@@ -1,0 +1,141 @@
+"""The verb ``estimate``: from images to poses."""
+
+from __future__ import annotations
+
+import argparse
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from graspcast.cli.console import note, print_text, progress_bar
+from graspcast.cli.options import Verbs, add_out, add_verb
+from graspcast.errors import InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from graspcast.bop.dataset import BopDataset
+    from graspcast.bop.detections import Detections
+    from graspcast.bop.results import Results
+
+__all__ = ["add_verbs"]
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Add this module's verb."""
+    verb = add_verb(
+        verbs,
+        "estimate",
+        _estimate,
+        "poses of detected objects, by a built-in estimator or any command",
+        "Estimate the pose of each detected object and write a BOP results CSV: by an estimator\n"
+        "that comes with graspcast (dense, direct, keypoints), or by any command that writes such\n"
+        "a file, in an environment of its own. {bop}, {detections} and {out} in the command stand\n"
+        "for the dataset's directory, the detections file and the file to write:\n\n"
+        "  --estimator 'other-env/bin/python infer.py --images {bop} --boxes {detections} "
+        "--save {out}'",
+    )
+    verb.add_argument(
+        "--bop", metavar="DIR", type=Path, required=True, help="BOP dataset directory with images"
+    )
+    verb.add_argument(
+        "--split", metavar="NAME", default="test", help="its scene folders (default: test)"
+    )
+    verb.add_argument(
+        "--detections",
+        metavar="FILE",
+        type=Path,
+        required=True,
+        help="2D detections, as in the BOP Challenge (JSON)",
+    )
+    verb.add_argument(
+        "--estimator", metavar="NAME|COMMAND", required=True, help="a built-in one, or a command"
+    )
+    verb.add_argument(
+        "--weights", metavar="FILE", type=Path, help="own weights (ONNX) of a built-in estimator"
+    )
+    verb.add_argument(
+        "--timeout", metavar="S", type=_seconds, help="end the command after so many seconds"
+    )
+    verb.add_argument(
+        "--lenient",
+        action="store_true",
+        help="leave out wrong entries and unknown objects, and count them",
+    )
+    add_out(verb, "the poses (BOP results CSV, METHOD_DATASET-test.csv)")
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not (value > 0 and isfinite(value)):
+        raise argparse.ArgumentTypeError(f"a number of seconds over 0 is needed, not {text!r}")
+    return value
+
+
+def _estimate(options: argparse.Namespace) -> None:
+    from graspcast.bop.dataset import BopDataset
+    from graspcast.bop.detections import read_detections
+    from graspcast.perception import BUILT_IN
+
+    name = options.estimator
+    is_command = "{" in name or len(name.split()) > 1
+    if not is_command and name not in BUILT_IN:
+        raise UnknownNameError(
+            "estimator", name, BUILT_IN, hint="An own one is a command that writes to {out}"
+        )
+    if is_command and options.weights:
+        raise InputError("--weights is for a built-in estimator; a command is told in its words")
+    if not is_command and options.timeout:
+        raise InputError(f"--timeout is for a command; {name} is built in")
+    dataset = BopDataset(options.bop, split=options.split)
+    detections = read_detections(options.detections, dataset, lenient=options.lenient)
+    _note_dropped(detections)
+    if detections.detector:
+        note(f"{detections.source}: {detections.detector}")
+    if not len(detections):
+        raise InputError(f"{detections.source}: no detection to estimate from")
+    run = _by_command if is_command else _by_built_in
+    results = run(options, dataset, detections)
+    _note_dropped(results)
+    images = len(set(zip(detections.scene_id.tolist(), detections.im_id.tolist(), strict=True)))
+    print_text(
+        f"{options.out}: {len(results)} poses from {len(detections)} detections in {images} images"
+    )
+
+
+def _by_built_in(
+    options: argparse.Namespace, dataset: BopDataset, detections: Detections
+) -> Results:
+    from graspcast.perception import built_in
+    from graspcast.perception.run import run_estimator
+
+    estimator = built_in(options.estimator, options.weights)
+    with progress_bar("estimating") as move:
+        return run_estimator(
+            estimator, dataset, detections, options.out, lenient=options.lenient, progress=move
+        )
+
+
+def _by_command(
+    options: argparse.Namespace, dataset: BopDataset, detections: Detections
+) -> Results:
+    from rich.markup import escape
+
+    from graspcast.perception.run import run_external
+
+    with progress_bar("the command runs") as move:
+        return run_external(
+            options.estimator,
+            dataset,
+            detections,
+            options.out,
+            timeout_s=options.timeout,
+            lenient=options.lenient,
+            say=lambda line: move(0.0, escape(line[-60:])),
+        )
+
+
+def _note_dropped(table: Detections | Results) -> None:
+    for reason, count in table.dropped.items():
+        note(f"{table.source}: left out {count} ({reason})")

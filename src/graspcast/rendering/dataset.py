@@ -1,0 +1,271 @@
+"""Rendered tables as a BOP dataset: images, ground truth, visibility, cameras, targets, models.
+
+Layout: https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+import shutil
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from numpy import ndarray
+
+from graspcast._version import __version__
+from graspcast.bop.meshes import read_coloured_mesh
+from graspcast.bop.models import Models
+from graspcast.bop.units import millimetres
+from graspcast.errors import ExtraMissingError, InputError
+from graspcast.geometry import invert
+from graspcast.rendering.camera import INTRINSICS, View, random_view
+from graspcast.rendering.renderer import Frame, Renderer
+from graspcast.rendering.tabletop import ColouredMesh, Tabletop
+
+__all__ = ["RenderSettings", "read_models", "render_dataset"]
+
+WIDTH, HEIGHT = 640, 480
+TARGET_VISIBILITY = 0.1
+"""Instances that are less visible are no targets (Hodan et al., BOP Challenge 2020, 2.1)."""
+_ENDINGS = {"jpg": "JPEG", "png": "PNG", "webp": "WEBP"}
+
+
+@dataclass(frozen=True)
+class RenderSettings:
+    """What is rendered.
+
+    Attributes:
+        scenes: Tables; objects are laid out anew on each.
+        images: Views of each table, with other light each.
+        seed: Scene k depends on the seed, k and the models alone.
+        image_format: ``jpg``, ``png`` or ``webp``.
+        quality: Of JPEG and WebP, 1 to 100.
+    """
+
+    scenes: int = 20
+    images: int = 10
+    seed: int = 0
+    image_format: str = "jpg"
+    quality: int = 85
+
+    def __post_init__(self) -> None:
+        if self.scenes < 1 or self.images < 1:
+            raise InputError(
+                f"{self.scenes} scenes of {self.images} images: at least one of each is needed"
+            )
+        if self.image_format not in _ENDINGS:
+            raise InputError(
+                f"images are written as {', '.join(_ENDINGS)}, not as {self.image_format!r}"
+            )
+        if self.seed < 0 or not 1 <= self.quality <= 100:
+            raise InputError("a seed is 0 or more, and a quality from 1 to 100")
+
+
+def read_models(
+    directory: str | PathLike[str], obj_ids: Sequence[int] = ()
+) -> dict[int, ColouredMesh]:
+    """Coloured meshes of a BOP directory of models: these objects, or all.
+
+    Raises:
+        FormatError: if ``models_info.json`` or a mesh is missing or wrong.
+        UnknownNameError: for an object that is not there.
+    """
+    models = Models(directory)
+    out = {}
+    for obj_id in obj_ids or sorted(models.info):
+        mesh, colours = read_coloured_mesh(
+            models.directory / f"obj_{models[obj_id].obj_id:06d}.ply"
+        )
+        out[obj_id] = ColouredMesh(mesh.vertices, mesh.faces, colours)
+    return out
+
+
+def render_dataset(
+    models: str | PathLike[str],
+    out: str | PathLike[str],
+    settings: RenderSettings | None = None,
+    *,
+    obj_ids: Sequence[int] = (),
+    split: str = "test",
+    progress: Callable[[float, str], None] | None = None,
+) -> Path:
+    """Render tables with objects and write them as a BOP dataset, whole or not at all.
+
+    Args:
+        models: A BOP directory of models.
+        out: The dataset's directory; it must not be there, or be empty.
+        settings: What is rendered.
+        obj_ids: Only these objects.
+        split: The folder of the scenes.
+        progress: Takes the share of images done and what comes next.
+
+    Raises:
+        InputError: if there is no OpenGL, or ``out`` cannot be written or holds files.
+        ExtraMissingError: if PyOpenGL or Pillow is not installed.
+        FormatError, UnknownNameError: as :func:`read_models`.
+    """
+    settings = settings or RenderSettings()
+    try:
+        import PIL.Image  # noqa: F401
+    except ImportError as error:
+        raise ExtraMissingError("pillow", "render") from error
+    out = Path(out)
+    meshes = read_models(models, obj_ids)
+    try:
+        if out.exists() and (not out.is_dir() or any(out.iterdir())):
+            raise InputError(f"{out}: is there already; give a new directory")
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as scratch:
+            made = Path(scratch) / "dataset"
+            _write(made, Path(models), meshes, settings, split, progress)
+            if out.exists():
+                out.rmdir()
+            made.rename(out)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror})") from error
+    return out
+
+
+def _write(
+    root: Path,
+    models: Path,
+    meshes: dict[int, ColouredMesh],
+    settings: RenderSettings,
+    split: str,
+    progress: Callable[[float, str], None] | None,
+) -> None:
+    (root / "models").mkdir(parents=True)
+    info = json.loads((models / "models_info.json").read_text(encoding="utf-8-sig"))
+    _dump(root / "models" / "models_info.json", {str(k): info[str(k)] for k in meshes})
+    for obj_id in meshes:
+        name = f"obj_{obj_id:06d}.ply"
+        shutil.copyfile(models / name, root / "models" / name)
+    targets: list[dict[str, int]] = []
+    tabletop = Tabletop(meshes, width=2 * WIDTH, height=2 * HEIGHT)
+    with Renderer(tabletop, INTRINSICS, width=WIDTH, height=HEIGHT) as renderer:
+        for scene in range(1, settings.scenes + 1):
+            rng = np.random.default_rng([settings.seed, scene])
+            tabletop.lay_out(rng)
+            renderer.new_layout()
+            folder = root / split / f"{scene:06d}"
+            (folder / "rgb").mkdir(parents=True)
+            middle = tabletop.poses()[tabletop.present, :3, 3].mean(axis=0)
+            truth, seen, cameras = {}, {}, {}
+            for image in range(settings.images):
+                if progress:
+                    done = (scene - 1 + image / settings.images) / settings.scenes
+                    progress(done, f"scene {scene}, image {image}")
+                view = random_view(rng, middle)
+                frame = renderer.frame(view)
+                _save(folder / "rgb" / f"{image:06d}", frame.rgb, settings)
+                instances = _instances(renderer, view, frame)
+                truth[str(image)] = [instance for instance, _ in instances]
+                seen[str(image)] = [visibility for _, visibility in instances]
+                cameras[str(image)] = _camera(view)
+                targets += [
+                    {"im_id": image, "inst_count": 1, "obj_id": i["obj_id"], "scene_id": scene}
+                    for i, v in instances
+                    if v["visib_fract"] >= TARGET_VISIBILITY
+                ]
+            _dump(folder / "scene_gt.json", truth)
+            _dump(folder / "scene_gt_info.json", seen)
+            _dump(folder / "scene_camera.json", cameras)
+    _dump(root / f"{split}_targets_bop19.json", targets)
+    fx, fy, (cx, cy) = INTRINSICS[0, 0], INTRINSICS[1, 1], INTRINSICS[:2, 2]
+    _dump(
+        root / "camera.json",
+        {"cx": cx, "cy": cy, "depth_scale": 1.0, "fx": fx, "fy": fy, "height": HEIGHT,
+         "width": WIDTH},
+    )  # fmt: skip
+    _dump(
+        root / "render.json",
+        {
+            "about": "rendered by graspcast render; no photograph is in it",
+            "settings": asdict(settings),
+            "objects": list(meshes),
+            "versions": {
+                "graspcast": __version__,
+                "mujoco": version("mujoco-core"),
+                "numpy": np.__version__,
+                "python": platform.python_version(),
+            },
+        },
+    )
+
+
+def _instances(
+    renderer: Renderer, view: View, frame: Frame
+) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+    """Ground truth and visibility of the objects whose silhouettes meet the image."""
+    out = []
+    for k in np.flatnonzero(renderer.tabletop.present):
+        whole = renderer.silhouette(view, int(k))
+        top, left = frame.label.shape[0] // 2, frame.label.shape[1] // 2
+        if not whole[top : top + frame.label.shape[0], left : left + frame.label.shape[1]].any():
+            continue
+        visible = frame.label == k
+        x, y, width, height = _box(whole)
+        count, shown = int(whole.sum()), int(visible.sum())
+        pose = frame.cam_T_obj[k]
+        truth = {
+            "cam_R_m2c": pose[:3, :3].ravel().tolist(),
+            "cam_t_m2c": millimetres(pose[:3, 3]).tolist(),
+            "obj_id": renderer.tabletop.obj_ids[k],
+        }
+        seen = {
+            "bbox_obj": [x - left, y - top, width, height],
+            "bbox_visib": _box(visible) if shown else [-1, -1, -1, -1],
+            "px_count_all": count,
+            "px_count_valid": shown,
+            "px_count_visib": shown,
+            "visib_fract": min(1.0, shown / count),
+        }
+        out.append((truth, seen))
+    return out
+
+
+def _box(mask: Bool[ndarray, "h w"]) -> list[int]:
+    """First column and row, and how many of each."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return [
+        int(columns[0]),
+        int(rows[0]),
+        int(columns[-1] - columns[0] + 1),
+        int(rows[-1] - rows[0] + 1),
+    ]
+
+
+def _camera(view: View) -> dict[str, Any]:
+    cam_T_sim: Float[ndarray, "4 4"] = invert(view.sim_T_cam)
+    return {
+        "cam_K": INTRINSICS.ravel().tolist(),
+        "cam_R_w2c": cam_T_sim[:3, :3].ravel().tolist(),
+        "cam_t_w2c": millimetres(cam_T_sim[:3, 3]).tolist(),
+        "depth_scale": 1.0,
+    }
+
+
+def _save(stem: Path, rgb: UInt8[ndarray, "h w 3"], settings: RenderSettings) -> None:
+    from PIL import Image
+
+    kind = _ENDINGS[settings.image_format]
+    options: dict[str, Any] = {} if kind == "PNG" else {"quality": settings.quality}
+    Image.fromarray(rgb).save(stem.with_suffix(f".{settings.image_format}"), kind, **options)
+
+
+def _dump(path: Path, content: Any) -> None:
+    """JSON with one entry of the top level a line, as BOP has it."""
+    if isinstance(content, dict):
+        lines = [f"{json.dumps(k)}: {json.dumps(v)}" for k, v in content.items()]
+        text = "{\n  " + ",\n  ".join(lines) + "\n}\n"
+    else:
+        text = "[\n  " + ",\n  ".join(json.dumps(v) for v in content) + "\n]\n"
+    path.write_text(text, encoding="utf-8", newline="\n")

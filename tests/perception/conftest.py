@@ -1,0 +1,34 @@
+"""A dataset, detections in it, and another virtual environment."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bop_images import write_dataset
+from graspcast.bop.dataset import BopDataset
+from graspcast.bop.detections import jittered, write_detections
+
+
+@pytest.fixture(scope="session")
+def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The Python of another virtual environment, which has no package at all."""
+    folder = tmp_path_factory.mktemp("other env")
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
+    return folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> BopDataset:
+    return write_dataset(tmp_path / "made")
+
+
+@pytest.fixture
+def boxes(dataset: BopDataset, tmp_path: Path) -> Path:
+    path = tmp_path / "my boxes.json"
+    write_detections(path, jittered(dataset, 0))
+    return path

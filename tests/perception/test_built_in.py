@@ -1,0 +1,158 @@
+"""The estimators that ship: what they promise, on the images that ship, and what they refuse."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from graspcast.bop.dataset import BopDataset
+from graspcast.bop.detections import Detections, jittered
+from graspcast.errors import ExtraMissingError, FormatError, InputError, UnknownNameError
+from graspcast.perception import BUILT_IN, built_in
+from graspcast.perception.conformance import check_estimator
+from graspcast.perception.run import run_estimator
+from graspcast.truth import measure, summarise
+
+pytest.importorskip("onnxruntime", reason="onnxruntime is not installed (extra estimators)")
+pytest.importorskip("poselib", reason="PoseLib is not installed (extra estimators)")
+
+ROOT = Path(str(files("graspcast"))) / "demo_data" / "ycbv"
+WEIGHTS = Path(str(files("graspcast.perception"))) / "weights"
+
+
+@pytest.fixture(scope="module")
+def dataset() -> BopDataset:
+    return BopDataset(ROOT)
+
+
+@pytest.fixture(scope="module")
+def boxes(dataset: BopDataset) -> Detections:
+    return jittered(dataset, 0)
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_they_keep_the_protocol(name: str, dataset: BopDataset, boxes: Detections) -> None:
+    report = check_estimator(built_in(name), dataset, boxes)
+    assert report.passed, str(report)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_they_are_as_good_as_is_said(
+    name: str, dataset: BopDataset, boxes: Detections, tmp_path: Path
+) -> None:
+    # Half of the scenes, of which training has seen none.
+    some = boxes.select(boxes.scene_id % 2 == 0)
+    results = run_estimator(built_in(name), dataset, some, tmp_path / "out.csv")
+    assert len(results) > 0.95 * len(some)
+    found = summarise(measure(results, dataset, only=("rotation_deg", "translation_mm")))
+    rows = [row for row in found.rows(named=True) if row["obj_id"] is not None]
+    good = [
+        row["obj_id"]
+        for row in rows
+        if row["rotation_deg_median"] <= 15 and row["translation_mm_median"] <= 25
+    ]
+    assert len(good) >= 4, rows
+
+
+def test_what_ships_is_small_and_says_what_it_is() -> None:
+    paths = [WEIGHTS / f"{name}.onnx" for name in BUILT_IN]
+    assert sum(path.stat().st_size for path in paths) < 3_000_000
+    for name in BUILT_IN:
+        estimator = built_in(name)
+        made = estimator.network.made  # type: ignore[attr-defined]
+        assert made["steps"] > 0 and {"torch", "mujoco", "graspcast"} <= set(made)
+        assert len(estimator.obj_ids) >= 5
+
+
+def test_the_images_that_ship_are_small_and_many(dataset: BopDataset) -> None:
+    assert sum(path.stat().st_size for path in ROOT.rglob("*")) <= 12_000_000
+    assert len(dataset.images) >= 200
+    assert len({scene for scene, _ in dataset.images}) >= 20
+    assert "settings" in json.loads((ROOT / "render.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def dense_inputs(
+    dataset: BopDataset, boxes: Detections
+) -> tuple[np.ndarray, np.ndarray, Detections]:
+    return dataset.image(1, 0), dataset.camera_of(1, 0).K, boxes.images()[1, 0]
+
+
+def changed(detections: Detections, **columns: np.ndarray) -> Detections:
+    return replace(detections, **columns)
+
+
+@pytest.mark.ill_typed
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_bad_input_is_named(
+    name: str, dense_inputs: tuple[np.ndarray, np.ndarray, Detections]
+) -> None:
+    image, K, seen = dense_inputs
+    estimator = built_in(name)
+    alpha = np.dstack([image, image[..., 0]])
+    with pytest.raises(InputError, match="alpha channel"):
+        estimator.estimate(alpha, K, seen)
+    with pytest.raises(InputError, match=r"0 to 255.*float64"):
+        estimator.estimate(image / 255, K, seen)
+    with pytest.raises(InputError, match="3x3 matrix"):
+        estimator.estimate(image, K * np.nan, seen)
+    beside = changed(seen, box_xywh=seen.box_xywh + [640, 0, 0, 0])
+    with pytest.raises(InputError, match=r"outside of the image, which has 640 x 480"):
+        estimator.estimate(image, K, beside)
+    empty = changed(seen, box_xywh=seen.box_xywh * [1, 1, 0, 1])
+    with pytest.raises(InputError, match="is empty"):
+        estimator.estimate(image, K, empty)
+    with pytest.raises(UnknownNameError, match=r"unknown object '77'; known: 2, 3"):
+        estimator.estimate(image, K, changed(seen, obj_id=np.full(len(seen), 77)))
+
+
+def test_an_image_of_another_size_is_an_image(
+    dense_inputs: tuple[np.ndarray, np.ndarray, Detections],
+) -> None:
+    # The estimators look at crops: a border around the image moves the boxes and the camera alone.
+    image, K, seen = dense_inputs
+    inside = (seen.box_xywh[:, :2] > 40).all(axis=1)
+    inside &= (seen.box_xywh[:, :2] + seen.box_xywh[:, 2:] < [600, 440]).all(axis=1)
+    seen = seen.select(inside)
+    assert len(seen)
+    estimator = built_in("direct")
+    wide = np.pad(image, ((30, 10), (50, 0), (0, 0)))
+    shifted = K + [[0, 0, 50], [0, 0, 30], [0, 0, 0]]
+    moved = changed(seen, box_xywh=seen.box_xywh + [50, 30, 0, 0])
+    one, other = estimator.estimate(image, K, seen), estimator.estimate(wide, shifted, moved)
+    np.testing.assert_allclose(other.cam_T_obj, one.cam_T_obj, atol=1e-6)
+
+
+def test_weights_that_are_none(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="cannot be read"):
+        built_in("dense", tmp_path / "none.onnx")
+    (tmp_path / "text.onnx").write_text("not a network")
+    with pytest.raises(FormatError, match="is not an ONNX network"):
+        built_in("dense", tmp_path / "text.onnx")
+    whole = (WEIGHTS / "dense.onnx").read_bytes()
+    (tmp_path / "half.onnx").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(FormatError, match="is not an ONNX network"):
+        built_in("dense", tmp_path / "half.onnx")
+    with pytest.raises(FormatError, match="weights of the estimator direct, not of dense"):
+        built_in("dense", WEIGHTS / "direct.onnx")
+    with pytest.raises(UnknownNameError, match="known: dense, direct, keypoints"):
+        built_in("epos")
+
+
+@pytest.mark.parametrize(
+    ("name", "package"),
+    [(name, "onnxruntime") for name in BUILT_IN] + [("dense", "poselib"), ("keypoints", "poselib")],
+)
+def test_without_an_extra_the_message_has_the_command(
+    name: str, package: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(ExtraMissingError, match=rf"{package}.*graspcast\[estimators\]"):
+        built_in(name)

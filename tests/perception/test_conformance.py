@@ -1,0 +1,178 @@
+"""``check_estimator`` passes what keeps to the protocol and names what does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bop_images import write_dataset
+from graspcast.bop.dataset import BopDataset
+from graspcast.bop.detections import Detections, jittered
+from graspcast.errors import InputError, UnknownNameError
+from graspcast.perception.conformance import check_estimator
+from graspcast.perception.estimator import Poses
+
+DIAMETER_M = 0.12
+
+
+class Sizes:
+    """As far away as its box is small; turned by the colour of its box's middle."""
+
+    name = "sizes"
+    obj_ids: tuple[int, ...] = (1, 5)
+
+    def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
+        poses = np.tile(np.eye(4), (len(detections), 1, 1))
+        for k, (obj_id, box) in enumerate(
+            zip(detections.obj_id.tolist(), detections.box_xywh, strict=True)
+        ):
+            if obj_id not in self.obj_ids:
+                raise UnknownNameError("object", obj_id, self.obj_ids)
+            z = K[0, 0] * DIAMETER_M / box[2:].max()
+            u, v = np.clip((box[:2] + box[2:] / 2).astype(int), 0, [95, 63])
+            angle = image[v, u, 0] / 255
+            cosine, sine = np.cos(angle), np.sin(angle)
+            poses[k, :2, :2] = [[cosine, -sine], [sine, cosine]]
+            poses[k, :3, 3] = z * np.linalg.inv(K) @ [*(box[:2] + box[2:] / 2), 1]
+        return Poses(poses, np.full(len(detections), 0.5))
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> BopDataset:
+    return write_dataset(tmp_path / "made")
+
+
+def test_an_honest_estimator_passes(dataset: BopDataset) -> None:
+    report = check_estimator(Sizes(), dataset, jittered(dataset, 0))
+    assert report.passed, str(report)
+    assert str(report).startswith("estimator sizes: passed")
+    assert "ms for an image with 2 detections" in str(report)
+
+
+def spoilt(change: Callable[[Poses], Poses]) -> type[Sizes]:
+    class Spoilt(Sizes):
+        def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
+            return change(super().estimate(image, K, detections))
+
+    return Spoilt
+
+
+def scaled(factor: float) -> Callable[[Poses], Poses]:
+    def change(poses: Poses) -> Poses:
+        out = poses.cam_T_obj.copy()
+        out[:, :3, 3] *= factor
+        return Poses(out, poses.score)
+
+    return change
+
+
+def mirrored(poses: Poses) -> Poses:
+    return Poses(poses.cam_T_obj @ np.diag([1.0, 1.0, -1.0, 1.0]), poses.score)
+
+
+def opengl(poses: Poses) -> Poses:
+    return Poses(np.diag([1.0, -1.0, -1.0, 1.0]) @ poses.cam_T_obj, poses.score)
+
+
+def upside_down(poses: Poses) -> Poses:
+    return Poses(np.diag([-1.0, -1.0, 1.0, 1.0]) @ poses.cam_T_obj, poses.score)
+
+
+def noisy() -> Callable[[Poses], Poses]:
+    rng = np.random.default_rng(0)
+    return lambda poses: Poses(poses.cam_T_obj, rng.random(len(poses)))
+
+
+def best_first(poses: Poses) -> Poses:
+    return Poses(poses.cam_T_obj[np.argsort(poses.cam_T_obj[:, 2, 3])], poses.score)
+
+
+def infinite(poses: Poses) -> Poses:
+    return Poses(poses.cam_T_obj, poses.score * np.inf)
+
+
+def nothing(poses: Poses) -> Poses:
+    return Poses(np.tile(np.eye(4), (len(poses), 1, 1)), 0 * poses.score)
+
+
+def one_less(poses: Poses) -> Poses:
+    return Poses(poses.cam_T_obj[1:], poses.score[1:])
+
+
+class Blind(Sizes):
+    def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
+        return super().estimate(np.zeros_like(image), K, detections)
+
+
+class OwnCamera(Sizes):
+    def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
+        own = np.array([[120.0, 0, 48], [0, 120, 32], [0, 0, 1]])
+        return super().estimate(image, own, detections)
+
+
+class Scribbler(Sizes):
+    def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
+        poses = super().estimate(image, K, detections)
+        detections.box_xywh[:, 2:] += 4
+        return poses
+
+
+class Guesser(Sizes):
+    def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
+        known = replace(detections, obj_id=np.full(len(detections), 1))
+        return super().estimate(image, K, known)
+
+
+class Crasher(Sizes):
+    def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
+        table = {1: 0, 5: 1}
+        for obj_id in detections.obj_id.tolist():
+            table[obj_id]
+        return super().estimate(image, K, detections)
+
+
+class Nameless:
+    obj_ids = (1, 5)
+
+    def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
+        raise AssertionError("is not to be asked")
+
+
+@pytest.mark.parametrize(
+    ("kind", "check", "words"),
+    [
+        pytest.param(Nameless, "describes", "lacks name", marks=pytest.mark.ill_typed),
+        (spoilt(one_less), "answers", "there should be"),
+        (spoilt(nothing), "answers", "found nothing"),
+        (spoilt(infinite), "rigid", "not finite"),
+        (spoilt(mirrored), "rigid", "away from a rigid"),
+        (spoilt(scaled(1000.0)), "metres", "are these metres"),
+        (spoilt(opengl), "metres", "before the camera"),
+        (spoilt(upside_down), "place", "box sides away"),
+        (spoilt(noisy()), "repeats", "seed it"),
+        (spoilt(best_first), "order", "in their order"),
+        (Scribbler, "keeps", "changed the detections"),
+        (Blind, "looks", "does it look"),
+        (OwnCamera, "camera", "longer lens"),
+        (Guesser, "refuses", "gave poses of object 6"),
+        (Crasher, "refuses", "KeyError: 6"),
+    ],
+)
+def test_each_fault_is_found_by_its_check(
+    kind: type, check: str, words: str, dataset: BopDataset
+) -> None:
+    report = check_estimator(kind(), dataset, jittered(dataset, 0))
+    failures = {c.name: c.detail for c in report.failures}
+    assert check in failures and words in failures[check], str(report)
+    assert "FAILED" in str(report)
+
+
+def test_it_asks_for_detections_of_known_objects(dataset: BopDataset) -> None:
+    stranger = Sizes()
+    stranger.obj_ids = (77,)
+    with pytest.raises(InputError, match=r"none of an object that sizes knows \(77\)"):
+        check_estimator(stranger, dataset, jittered(dataset, 0))

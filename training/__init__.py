@@ -1,0 +1,1 @@
+"""How the weights that ship with graspcast were made: ``python -m training --help``."""

@@ -1,0 +1,56 @@
+"""``python -m training VERB``: render samples, train, export, evaluate."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+TRAIN_SEED, CHECK_SEED = 1, 2
+
+
+def main() -> None:
+    top = argparse.ArgumentParser(prog="python -m training", description=__doc__)
+    top.add_argument("--models", type=Path, required=True, help="a BOP directory of models")
+    top.add_argument("--work", type=Path, required=True, help="scratch: samples and checkpoints")
+    verbs = top.add_subparsers(dest="verb", required=True)
+    verb = verbs.add_parser("render", help="write samples to train from and to check on")
+    verb.add_argument("--files", type=int, default=40, help="of about 1900 samples each")
+    verb.add_argument("--check-files", type=int, default=1)
+    verb = verbs.add_parser("train", help="train, or go on with it")
+    verb.add_argument("--only", nargs="+", default=["dense", "direct", "keypoints"])
+    verb.add_argument("--steps", type=int, default=60_000)
+    verb.add_argument("--threads", type=int, default=1)
+    verb.add_argument("--strength", type=float, default=0.3, help="of disturbance; 1 for photos")
+    verb = verbs.add_parser("export", help="write ONNX files from the last checkpoints")
+    verb.add_argument("--only", nargs="+", default=["dense", "direct", "keypoints"])
+    verb.add_argument("--out", type=Path, required=True, help="a directory")
+    options = top.parse_args()
+    from training.crops import Objects
+
+    objects = Objects.read(options.models)
+    if options.verb == "render":
+        from training.crops import render
+
+        check = options.work / "check"
+        render(check, objects, seed=CHECK_SEED, files=options.check_files)
+        render(options.work / "train", objects, seed=TRAIN_SEED, files=options.files)
+    elif options.verb == "train":
+        from training.train import train
+
+        train(
+            options.work,
+            objects,
+            options.only,
+            steps=options.steps,
+            threads=options.threads,
+            strength=options.strength,
+        )
+    elif options.verb == "export":
+        from training.export import export
+
+        for name in options.only:
+            export(options.work, objects, name, options.out / f"{name}.onnx")
+
+
+if __name__ == "__main__":
+    main()

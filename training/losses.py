@@ -1,0 +1,152 @@
+"""What each network is trained for. Where an object has symmetries, the nearest truth counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from training.crops import Objects
+from training.networks import BINS, HEAT_CELLS, KEYPOINTS
+from training.samples import Batch
+
+_MOST_SYMMETRIES = 12
+_POINTS = 48
+
+
+@dataclass
+class Geometry:
+    """What losses know of the objects, in the order of their numbers.
+
+    Attributes:
+        low, size: Of the bounding box, metres, (o, 3).
+        diameter: Metres, (o,).
+        keypoints: On the surface, far from each other, metres, (o, KEYPOINTS, 3).
+        points: On the surface, metres, (o, _POINTS, 3).
+        symmetries: (o, s, 4, 4); the identity first, and again where an object has fewer.
+    """
+
+    low: Tensor
+    size: Tensor
+    diameter: Tensor
+    keypoints: Tensor
+    points: Tensor
+    symmetries: Tensor
+
+    @classmethod
+    def of(cls, objects: Objects) -> Geometry:
+        infos = [objects.models[k] for k in objects.ids]
+        count = min(_MOST_SYMMETRIES, max(len(i.symmetries) for i in infos))
+        symmetries = np.tile(np.eye(4), (len(infos), count, 1, 1))
+        for k, info in enumerate(infos):
+            every = -(-len(info.symmetries) // count)
+            chosen = info.symmetries[::every]
+            symmetries[k, : len(chosen)] = chosen
+        spread = [farthest_points(objects.meshes[k].vertices, _POINTS) for k in objects.ids]
+
+        def tensor(values: object) -> Tensor:
+            return torch.from_numpy(np.array(values)).float()
+
+        return cls(
+            low=tensor([i.lower for i in infos]),
+            size=tensor([i.size for i in infos]),
+            diameter=tensor([i.diameter_m for i in infos]),
+            keypoints=tensor([p[:KEYPOINTS] for p in spread]),
+            points=tensor(spread),
+            symmetries=tensor(symmetries),
+        )
+
+
+def farthest_points(vertices: np.ndarray, count: int) -> np.ndarray:
+    """Points each as far as can be from those before it; the first is farthest from the middle."""
+    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    distance = np.linalg.norm(vertices - middle, axis=1)
+    chosen = [int(np.argmax(distance))]
+    distance = np.full(len(vertices), np.inf)
+    for _ in range(count - 1):
+        distance = np.minimum(distance, np.linalg.norm(vertices - vertices[chosen[-1]], axis=1))
+        chosen.append(int(np.argmax(distance)))
+    return vertices[chosen]
+
+
+def _least(losses: list[Tensor]) -> Tensor:
+    """The smallest over symmetries, sample by sample, then the mean."""
+    return torch.stack(losses).min(dim=0).values.mean()
+
+
+def _other_coordinates(batch: Batch, geometry: Geometry, s: int) -> Tensor:
+    """The coordinates in the box, had the object been turned by a symmetry."""
+    low, size = geometry.low[batch.obj][..., None, None], geometry.size[batch.obj][..., None, None]
+    symmetry = geometry.symmetries[batch.obj, s]
+    points = (batch.coordinates * size + low).flatten(2)
+    points = symmetry[:, :3, :3] @ points + symmetry[:, :3, 3:]
+    return ((points.unflatten(2, batch.coordinates.shape[2:]) - low) / size).clamp(0, 1)
+
+
+def dense(output: Tensor, batch: Batch, geometry: Geometry) -> Tensor:
+    """The map of coordinates: cross-entropy over bins where the object shows; and the mask."""
+    return _least(_map_losses(output, batch, geometry)) + _mask_loss(output, batch)
+
+
+def _mask_loss(output: Tensor, batch: Batch) -> Tensor:
+    return F.binary_cross_entropy_with_logits(output[:, -1], batch.mask.float())
+
+
+def _map_losses(output: Tensor, batch: Batch, geometry: Geometry) -> list[Tensor]:
+    """For each symmetry, sample by sample; a point between two bins belongs to both."""
+    mask = batch.mask.float()
+    logits = output[:, :-1].unflatten(1, (3, BINS)).log_softmax(dim=2)
+    amount = mask.sum(dim=(1, 2)).clamp(min=1.0)
+    losses = []
+    for s in range(geometry.symmetries.shape[1]):
+        # The first and the last bin stand for the box's borders themselves.
+        place = _other_coordinates(batch, geometry, s) * (BINS - 1)
+        lower = place.floor().clamp(max=BINS - 2)
+        share = (place - lower)[:, :, None]
+        index = lower.long()[:, :, None]
+        terms = (1 - share) * logits.gather(2, index) + share * logits.gather(2, index + 1)
+        losses.append(-(terms[:, :, 0].mean(dim=1) * mask).sum(dim=(1, 2)) / amount)
+    return losses
+
+
+def keypoints(output: Tensor, batch: Batch, geometry: Geometry) -> Tensor:
+    """Cross-entropy over cells against a bump of one cell's width; outside the crop none."""
+    logits = output.flatten(2).log_softmax(dim=2).unflatten(2, (HEAT_CELLS, HEAT_CELLS))
+    cells = torch.arange(HEAT_CELLS, dtype=torch.float32)
+    losses = []
+    for s in range(geometry.symmetries.shape[1]):
+        symmetry = geometry.symmetries[batch.obj, s]
+        points = geometry.keypoints[batch.obj] @ symmetry[:, :3, :3].mT + symmetry[:, None, :3, 3]
+        place = (batch.project(points) + 0.5) * HEAT_CELLS - 0.5
+        inside = ((place > -0.5) & (place < HEAT_CELLS - 0.5)).all(dim=2).float()
+        bump = torch.exp(-0.5 * (cells - place[..., None]) ** 2)
+        bump = bump / bump.sum(dim=-1, keepdim=True).clamp(min=1e-6)
+        terms = torch.einsum("bkyx,bkx,bky->bk", logits, bump[:, :, 0], bump[:, :, 1])
+        losses.append(-(terms * inside).sum(dim=1) / inside.sum(dim=1).clamp(min=1.0))
+    return _least(losses)
+
+
+def direct(output: tuple[Tensor, Tensor], batch: Batch, geometry: Geometry) -> Tensor:
+    """Where the pose puts points of the object, the site, and the map on the way."""
+    answer, drawn = output
+    points = geometry.points[batch.obj] / geometry.diameter[batch.obj, None, None]
+    seen = points @ rotation_of(answer[:, :6]).mT
+    losses = []
+    for s, off in enumerate(_map_losses(drawn, batch, geometry)):
+        true = batch.rotation @ geometry.symmetries[batch.obj, s, :3, :3]
+        losses.append(6 * (seen - points @ true.mT).abs().mean(dim=(1, 2)) + off)
+    site = (answer[:, 6:] - batch.site).abs().mean()
+    return _least(losses) + 4 * site + _mask_loss(drawn, batch)
+
+
+def rotation_of(six: Tensor) -> Tensor:
+    """Two rows made orthonormal (Zhou et al., CVPR 2019), (b, 6) to (b, 3, 3)."""
+    x = F.normalize(six[:, :3], dim=1)
+    y = F.normalize(six[:, 3:] - (x * six[:, 3:]).sum(dim=1, keepdim=True) * x, dim=1)
+    return torch.stack([x, y, torch.linalg.cross(x, y)], dim=1)
+
+
+LOSSES = {"dense": dense, "direct": direct, "keypoints": keypoints}
