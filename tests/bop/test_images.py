@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ from PIL import Image
 from bop_images import IMAGES, SIZE, write_dataset, write_image
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.images import read_image
-from graspcast.errors import ExtraMissingError, FormatError, InputError
+from graspcast.errors import FormatError, InputError
 
 
 @pytest.mark.parametrize("ending", [".png", ".jpg", ".webp"])
@@ -89,13 +88,6 @@ def test_the_same_image_twice_is_refused(tmp_path: Path) -> None:
     write_image(tmp_path / "test" / "000001" / "rgb" / "3.jpg")
     with pytest.raises(InputError, match="the same image as"):
         dataset.images  # noqa: B018
-
-
-def test_without_pillow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = write_image(tmp_path / "a.png")
-    monkeypatch.setitem(sys.modules, "PIL", None)
-    with pytest.raises(ExtraMissingError, match=r"pip install 'graspcast\[render\]'"):
-        read_image(path)
 
 
 def test_real_images(data_dir: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -13,7 +12,7 @@ import pytest
 
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.detections import Detections, jittered
-from graspcast.errors import ExtraMissingError, FormatError, InputError, UnknownNameError
+from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.perception import BUILT_IN, built_in
 from graspcast.perception.conformance import check_estimator
 from graspcast.perception.run import run_estimator
@@ -144,15 +143,3 @@ def test_weights_that_are_none(tmp_path: Path) -> None:
         built_in("dense", WEIGHTS / "direct.onnx")
     with pytest.raises(UnknownNameError, match="known: dense, direct, keypoints"):
         built_in("epos")
-
-
-@pytest.mark.parametrize(
-    ("name", "package"),
-    [(name, "onnxruntime") for name in BUILT_IN] + [("dense", "poselib"), ("keypoints", "poselib")],
-)
-def test_without_an_extra_the_message_has_the_command(
-    name: str, package: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(ExtraMissingError, match=rf"{package}.*graspcast\[estimators\]"):
-        built_in(name)

@@ -281,7 +281,6 @@ class BopDataset:
         Raises:
             InputError: if there is no such image.
             FormatError: if it is not RGB, of another size, or broken.
-            ExtraMissingError: if Pillow is not installed.
         """
         if (scene_id, im_id) not in self.images:
             raise InputError(f"no image {scene_id}/{im_id} in {self.scenes}")

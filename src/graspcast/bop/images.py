@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray
 
-from graspcast.errors import ExtraMissingError, FormatError, InputError
+from graspcast.errors import FormatError, InputError
 
 __all__ = ["find_images", "read_image"]
 
@@ -50,13 +50,10 @@ def read_image(
         size: The width and height that it must have, if any.
 
     Raises:
-        ExtraMissingError: if Pillow is not installed.
         FormatError: if it cannot be read, is grayscale, has an alpha channel, or another size.
     """
-    try:
-        from PIL import Image, UnidentifiedImageError
-    except ImportError as error:
-        raise ExtraMissingError("pillow", "render") from error
+    from PIL import Image, UnidentifiedImageError
+
     try:
         with Image.open(path) as image:
             if image.mode != "RGB":

@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from numpy import ndarray
 
-from graspcast.errors import ExtraMissingError
 from graspcast.geometry import transform
 
 __all__ = ["MARGIN", "Crop", "crop_of", "cut", "ray_rotation"]
@@ -98,15 +97,9 @@ def crop_of(box_xywh: Float[ndarray, " 4"], margin: float = MARGIN) -> Crop:
 
 
 def cut(image: UInt8[ndarray, "h w 3"], crop: Crop, size: int) -> UInt8[ndarray, "s s 3"]:
-    """What a crop shows, in ``size`` pixels a side; black beyond the image's border.
+    """What a crop shows, in ``size`` pixels a side; black beyond the image's border."""
+    from PIL import Image
 
-    Raises:
-        ExtraMissingError: if Pillow is not installed.
-    """
-    try:
-        from PIL import Image
-    except ImportError as error:
-        raise ExtraMissingError("pillow", "estimators") from error
     # Pillow counts from the first pixel's border.
     left, top = crop.u + 0.5 - crop.side / 2, crop.v + 0.5 - crop.side / 2
     x0, y0 = int(np.floor(left)) - 2, int(np.floor(top)) - 2

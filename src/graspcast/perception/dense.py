@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from graspcast.perception.crops import Crop
 from graspcast.perception.network import CropEstimator, TrainedObject
-from graspcast.perception.pnp import import_poselib, pose_from_points
+from graspcast.perception.pnp import pose_from_points
 
 __all__ = ["DenseEstimator", "load"]
 
@@ -71,5 +71,4 @@ def _expected(logits: Float[ndarray, "3 b n"]) -> Float[ndarray, "3 n"]:
 
 def load(weights: str | PathLike[str] | None = None) -> DenseEstimator:
     """The estimator with weights from a file, or those that ship."""
-    import_poselib()
     return DenseEstimator(weights)

@@ -79,7 +79,6 @@ def built_in(name: str, weights: str | PathLike[str] | None = None) -> Estimator
 
     Raises:
         UnknownNameError: for another name.
-        ExtraMissingError: if onnxruntime, or PoseLib where it is needed, is not installed.
         FormatError: if the weights cannot be read, or are another estimator's.
     """
     from importlib import import_module

@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from graspcast.perception.crops import Crop
 from graspcast.perception.network import CropEstimator, TrainedObject
-from graspcast.perception.pnp import import_poselib, pose_from_points
+from graspcast.perception.pnp import pose_from_points
 
 __all__ = ["KeypointEstimator", "load"]
 
@@ -68,5 +68,4 @@ def _peaks(logits: Float[ndarray, "k s s"]) -> tuple[Float[ndarray, "k 2"], Floa
 
 def load(weights: str | PathLike[str] | None = None) -> KeypointEstimator:
     """The estimator with weights from a file, or those that ship."""
-    import_poselib()
     return KeypointEstimator(weights)

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from numpy import ndarray
 
-from graspcast.errors import ExtraMissingError, FormatError, InputError, UnknownNameError
+from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.perception.crops import Crop, crop_of, cut
 from graspcast.perception.estimator import Poses
 
@@ -57,15 +57,12 @@ class Network:
         made: What the training recorded: versions, configuration, seeds.
 
     Raises:
-        ExtraMissingError: if onnxruntime is not installed.
         FormatError: if the file is not there, is no network, or another estimator's.
     """
 
     def __init__(self, family: str, path: str | PathLike[str] | None = None):
-        try:
-            import onnxruntime
-        except ImportError as error:
-            raise ExtraMissingError("onnxruntime", "estimators") from error
+        import onnxruntime
+
         self.path = Path(path or str(files("graspcast.perception") / "weights" / f"{family}.onnx"))
         try:
             content = self.path.read_bytes()

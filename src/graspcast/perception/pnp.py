@@ -2,29 +2,13 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from types import ModuleType
-
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from graspcast.errors import ExtraMissingError
 from graspcast.geometry import project_to_rotation, transform
 
-__all__ = ["import_poselib", "pose_from_points"]
-
-
-def import_poselib() -> ModuleType:
-    """PoseLib.
-
-    Raises:
-        ExtraMissingError: if it is not installed.
-    """
-    try:
-        return import_module("poselib")
-    except ImportError as error:
-        raise ExtraMissingError("poselib", "estimators") from error
+__all__ = ["pose_from_points"]
 
 
 def pose_from_points(
@@ -43,11 +27,9 @@ def pose_from_points(
         points: The points in the object's frame, metres; at least four.
         K: Intrinsics.
         threshold_px: How far a point may be seen from where the pose puts it.
-
-    Raises:
-        ExtraMissingError: if PoseLib is not installed.
     """
-    poselib = import_poselib()
+    import poselib
+
     if len(points) < 4:
         return None
     camera = {

@@ -1,4 +1,4 @@
-"""Rendered tables as a BOP dataset: images, ground truth, visibility, cameras, targets, models.
+"""Rendered tables as a BOP dataset: images, ground truth, cameras, targets, boxes, models.
 
 Layout: https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md
 """
@@ -21,10 +21,12 @@ from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray
 
 from graspcast._version import __version__
+from graspcast.bop.dataset import BopDataset
+from graspcast.bop.detections import MIN_VISIBLE_SHARE, jittered, write_detections
 from graspcast.bop.meshes import read_coloured_mesh
 from graspcast.bop.models import Models
 from graspcast.bop.units import millimetres
-from graspcast.errors import ExtraMissingError, InputError
+from graspcast.errors import InputError
 from graspcast.geometry import invert
 from graspcast.rendering.camera import INTRINSICS, View, random_view
 from graspcast.rendering.renderer import Frame, Renderer
@@ -33,8 +35,6 @@ from graspcast.rendering.tabletop import ColouredMesh, Tabletop
 __all__ = ["RenderSettings", "read_models", "render_dataset"]
 
 WIDTH, HEIGHT = 640, 480
-TARGET_VISIBILITY = 0.1
-"""Instances that are less visible are no targets (Hodan et al., BOP Challenge 2020, 2.1)."""
 _ENDINGS = {"jpg": "JPEG", "png": "PNG", "webp": "WEBP"}
 
 
@@ -99,6 +99,9 @@ def render_dataset(
 ) -> Path:
     """Render tables with objects and write them as a BOP dataset, whole or not at all.
 
+    ``SPLIT_detections_jittered.json`` beside the scenes has boxes for estimators: those of the
+    ground truth, displaced at random (:func:`graspcast.bop.detections.jittered`).
+
     Args:
         models: A BOP directory of models.
         out: The dataset's directory; it must not be there, or be empty.
@@ -109,14 +112,10 @@ def render_dataset(
 
     Raises:
         InputError: if there is no OpenGL, or ``out`` cannot be written or holds files.
-        ExtraMissingError: if PyOpenGL or Pillow is not installed.
+        ExtraMissingError: if PyOpenGL is not installed.
         FormatError, UnknownNameError: as :func:`read_models`.
     """
     settings = settings or RenderSettings()
-    try:
-        import PIL.Image  # noqa: F401
-    except ImportError as error:
-        raise ExtraMissingError("pillow", "render") from error
     out = Path(out)
     meshes = read_models(models, obj_ids)
     try:
@@ -173,7 +172,7 @@ def _write(
                 targets += [
                     {"im_id": image, "inst_count": 1, "obj_id": i["obj_id"], "scene_id": scene}
                     for i, v in instances
-                    if v["visib_fract"] >= TARGET_VISIBILITY
+                    if v["visib_fract"] >= MIN_VISIBLE_SHARE
                 ]
             _dump(folder / "scene_gt.json", truth)
             _dump(folder / "scene_gt_info.json", seen)
@@ -185,6 +184,9 @@ def _write(
         {"cx": cx, "cy": cy, "depth_scale": 1.0, "fx": fx, "fy": fy, "height": HEIGHT,
          "width": WIDTH},
     )  # fmt: skip
+    # What estimators are told where there is no detector; the file says that it is none.
+    boxes = jittered(BopDataset(root, split=split), settings.seed)
+    write_detections(root / f"{split}_detections_jittered.json", boxes)
     _dump(
         root / "render.json",
         {
