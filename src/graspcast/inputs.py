@@ -93,6 +93,7 @@ def load_inputs(
     bop: Sequence[tuple[str | None, Path]] = (),
     ground_truth: Sequence[Path] = (),
     objects: Sequence[str] = (),
+    scenes: Sequence[int] = (),
     lenient: bool = False,
 ) -> Inputs:
     """Read results CSVs and the BOP directories they belong to.
@@ -105,6 +106,7 @@ def load_inputs(
         bop: BOP directories, each with a name if it is not the directory's.
         ground_truth: Directories of scene folders, one for each BOP directory, in their order.
         objects: The wanted objects (``5`` or ``lmo-5``), all if empty.
+        scenes: The numbers of the wanted scenes, all if empty.
         lenient: Skip bad rows and unknown objects.
 
     Raises:
@@ -129,8 +131,21 @@ def load_inputs(
             raise InputError(f"{path}: there are already estimates of {dataset_name} by {name}")
         table = read_results(path, lenient=lenient)
         out.notes.extend(f"{path}: dropped {n} rows ({why})" for why, n in table.dropped.items())
+        if scenes:
+            table = _of_scenes(table, scenes)
         tables[name] = _wanted(table, dataset_name, datasets, objects, lenient, out.notes)
     return out
+
+
+def _of_scenes(table: Results, scenes: Sequence[int]) -> Results:
+    chosen = np.isin(table.scene_id, scenes)
+    if not chosen.any():
+        known = ", ".join(map(str, np.unique(table.scene_id).tolist()))
+        raise InputError(
+            f"{table.source}: no estimate in the wanted scenes {', '.join(map(str, scenes))}; it "
+            f"has scenes {known}"
+        )
+    return table.select(chosen)
 
 
 def _dataset_name(path: Path, datasets: Mapping[str, BopDataset]) -> str:

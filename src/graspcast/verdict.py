@@ -8,8 +8,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from operator import itemgetter
 from os import PathLike
+from pathlib import Path
 
-from graspcast.errors import InputError
+import polars as pl
+
+from graspcast.errors import FormatError, InputError
 from graspcast.estimates import Estimates
 from graspcast.files import write_text
 
@@ -19,6 +22,7 @@ __all__ = [
     "VerdictRow",
     "check_threshold",
     "decide",
+    "read_verdicts",
     "verdict_rows",
     "write_verdicts",
 ]
@@ -154,3 +158,44 @@ def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> Non
             ]
         )
     write_text(path, out.getvalue())
+
+
+def read_verdicts(path: str | PathLike[str]) -> pl.DataFrame:
+    """Read what :func:`write_verdicts` has written.
+
+    Returns:
+        ``scene_id, im_id, obj_id, inst_id, gripper, probability`` (null where there is no
+        forecast), ``attempt`` (bool) and ``reason``; ``inst_id`` counts the rows of the same image,
+        object and gripper from 0.
+
+    Raises:
+        FormatError: naming the file, the column or row, and the remedy.
+    """
+    kinds = dict.fromkeys(COLUMNS[:3], pl.Int64) | {"probability": pl.Float64}
+    try:
+        table = pl.read_csv(Path(path), infer_schema=False)
+        lacking = [name for name in COLUMNS if name not in table.columns]
+        if lacking:
+            raise FormatError(path, f"no column {lacking[0]!r}; give what predict has written")
+        table = table.select(pl.col(name).cast(kinds.get(name, pl.String)) for name in COLUMNS)
+    except OSError as error:
+        raise FormatError(path, f"cannot be read ({error.strerror or error})") from error
+    except pl.exceptions.PolarsError as error:
+        first = str(error).splitlines()[0]
+        raise FormatError(path, f"is not a table of verdicts ({first})") from error
+    bad = table.with_row_index("row").filter(
+        pl.any_horizontal(pl.col(*COLUMNS[:4]).is_null())
+        | ~pl.col("verdict").fill_null("").is_in(["attempt", "abstain"])
+        | ~pl.col("probability").fill_null(0.5).is_between(0, 1)
+    )
+    if len(bad):
+        raise FormatError(
+            path,
+            "an empty field, a verdict that is neither attempt nor abstain, or a probability "
+            "beyond 0 and 1",
+            where=f"row {bad['row'][0] + 1}",
+        )
+    return table.with_columns(
+        inst_id=pl.int_range(pl.len()).over(COLUMNS[:4]),
+        attempt=pl.col("verdict") == "attempt",
+    ).drop("verdict")

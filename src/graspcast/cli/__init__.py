@@ -17,6 +17,7 @@ from graspcast.cli import (
     predict,
     promise,
     render,
+    score,
     see,
     validate,
 )
@@ -41,6 +42,7 @@ def parser() -> argparse.ArgumentParser:
         estimate,
         learn,
         predict,
+        score,
         compare,
         promise,
         evaluate,

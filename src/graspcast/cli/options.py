@@ -97,11 +97,14 @@ def add_bop(verb: argparse.ArgumentParser, *, required: bool = False) -> None:
 def add_inputs(
     verb: argparse.ArgumentParser, *, bop_required: bool = False, required: bool = True
 ) -> None:
-    """``--estimates``, ``--bop``, ``--ground-truth``, ``--objects``, ``--lenient``."""
+    """Options that name estimates and their datasets, and which of them are wanted."""
     add_estimates(verb, required=required)
     add_bop(verb, required=bop_required)
     verb.add_argument(
         "--objects", metavar="ID", nargs="+", default=[], help="only these (5, or lmo-5)"
+    )
+    verb.add_argument(
+        "--scenes", metavar="N", nargs="+", default=[], type=_scenes, help="only these (3, or 3-8)"
     )
     verb.add_argument(
         "--lenient", action="store_true", help="skip bad rows and unknown objects, and count them"
@@ -117,8 +120,18 @@ def inputs_of(options: argparse.Namespace) -> Inputs:
         bop=options.bop,
         ground_truth=options.ground_truth,
         objects=options.objects,
+        scenes=sorted(set().union(*options.scenes)),
         lenient=options.lenient,
     )
+
+
+def _scenes(text: str) -> range:
+    first, dash, last = text.partition("-")
+    if first.isdigit() and (last.isdigit() if dash else True):
+        found = range(int(first), int(last if dash else first) + 1)
+        if found:
+            return found
+    raise argparse.ArgumentTypeError(f"a number or FIRST-LAST (3-8) is needed, not {text!r}")
 
 
 def positive(text: str) -> int:

@@ -1,0 +1,64 @@
+"""The verb ``score``: verdicts against what came of the grasps."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from graspcast.cli.console import note, print_table
+from graspcast.cli.options import Verbs, add_json, add_outcomes, add_verb, write_json
+
+__all__ = ["add_verbs"]
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Add this module's verb."""
+    verb = add_verb(
+        verbs,
+        "score",
+        _score,
+        "how often grasps succeed if the verdicts are followed",
+        "Hold verdicts against outcomes: the success rate when always attempting, the one when\n"
+        "following the verdicts, and how many are attempted then; with 95 % intervals by drawing\n"
+        "scenes. The outcomes should be of scenes that training has not seen.",
+    )
+    verb.add_argument(
+        "--verdicts", metavar="FILE", type=Path, required=True, help="what predict has written"
+    )
+    add_outcomes(verb, required=True)
+    verb.add_argument(
+        "--principal", metavar="NAME", help="whose outcomes, if they are of several estimators"
+    )
+    verb.add_argument("--dataset", metavar="NAME", help="which dataset's, if they are of several")
+    add_json(verb)
+
+
+def _score(options: argparse.Namespace) -> None:
+    from graspcast.outcomes import read_all_outcomes
+    from graspcast.scorecard import score_verdicts
+    from graspcast.verdict import read_verdicts
+
+    found = score_verdicts(
+        read_verdicts(options.verdicts),
+        read_all_outcomes(options.outcomes),
+        principal=options.principal,
+        dataset=options.dataset,
+    )
+    if found.untried:
+        note(f"{found.untried} verdicts have no outcome, and do not count")
+    if found.following is None:
+        note("nothing is attempted, so there is no success rate when following the verdicts")
+    rows = [
+        ("always attempting", str(found.always), "1.000", str(found.n)),
+        (
+            "following the verdicts",
+            "-" if found.following is None else str(found.following),
+            str(found.attempt_rate),
+            str(found.attempts),
+        ),
+    ]
+    if found.gain is not None:
+        rows.append(("difference", f"{found.gain:+}", "", ""))
+    title = f"{found.n} grasps in {found.scenes} scenes, 95 % intervals by drawing scenes"
+    print_table(title, ["", "success rate", "attempt rate", "attempts"], rows)
+    write_json(options.json, found.as_dict())

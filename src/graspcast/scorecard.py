@@ -1,0 +1,145 @@
+"""Verdicts against outcomes: what is gained by following them, and how many grasps it costs."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+from jaxtyping import Float
+from numpy import ndarray
+
+from graspcast.errors import InputError, UnknownNameError
+from graspcast.learning.resampling import draw_scenes
+
+__all__ = ["Interval", "Scorecard", "score_verdicts"]
+
+_KEYS = ("scene_id", "im_id", "obj_id", "inst_id", "gripper")
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value and its 95 % interval; NaN where there are no two scenes to draw."""
+
+    value: float
+    low: float
+    high: float
+
+    def __format__(self, sign: str) -> str:
+        value, low, high = (f"{x:{sign}.3f}" for x in (self.value, self.low, self.high))
+        return f"{value} [{low}, {high}]"
+
+    def __str__(self) -> str:
+        return format(self)
+
+
+@dataclass(frozen=True)
+class Scorecard:
+    """What came of the grasps that verdicts are about.
+
+    Attributes:
+        n, attempts, scenes: Verdicts with an outcome, those that attempt, and their scenes.
+        untried: Verdicts without an outcome.
+        always: Success rate if all are attempted.
+        following: Success rate of those that are attempted; None if there are none.
+        attempt_rate: Share that is attempted.
+        gain: By how much following is better than always, under the same draws of scenes.
+    """
+
+    n: int
+    attempts: int
+    scenes: int
+    untried: int
+    always: Interval
+    following: Interval | None
+    attempt_rate: Interval
+    gain: Interval | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain numbers, for JSON; NaN becomes None."""
+        out = asdict(self)
+        for value in out.values():
+            if isinstance(value, dict):
+                value.update({k: None if v != v else v for k, v in value.items()})
+        return out
+
+
+def score_verdicts(
+    verdicts: pl.DataFrame,
+    outcomes: pl.DataFrame,
+    *,
+    principal: str | None = None,
+    dataset: str | None = None,
+    draws: int = 2000,
+    seed: int = 0,
+) -> Scorecard:
+    """Hold verdicts against outcomes.
+
+    Intervals are percentiles under draws of scenes with replacement
+    (:mod:`graspcast.learning.resampling`), since grasps of one scene are not independent.
+
+    Args:
+        verdicts: As :func:`graspcast.verdict.read_verdicts` gives them.
+        outcomes: As :func:`graspcast.outcomes.read_outcomes` gives them.
+        principal: Whose outcomes; may be left out where they are of one estimator.
+        dataset: Which dataset's; may be left out where they are of one.
+        draws, seed: Of the bootstrap.
+
+    Raises:
+        UnknownNameError: for an estimator, dataset or gripper without outcomes.
+        InputError: if outcomes are of several and it is not said which, or none is about a verdict.
+    """
+    for column, option, name in (
+        ("estimator", "--principal", principal),
+        ("dataset", "--dataset", dataset),
+    ):
+        outcomes = _only(outcomes, column, option, name)
+    known = outcomes["gripper"].unique().sort().to_list()
+    for gripper in verdicts["gripper"].unique().sort():
+        if gripper not in known:
+            raise UnknownNameError("gripper", gripper, known, hint="These have outcomes")
+    both = verdicts.join(outcomes.select(*_KEYS, "success"), on=list(_KEYS), how="inner")
+    if not len(both):
+        raise InputError("no outcome is about any of the verdicts: are they of the same images?")
+    scene, numbers = np.unique(both["scene_id"].to_numpy(), return_inverse=True)
+    attempt = both["attempt"].to_numpy().astype(np.float64)
+    success = both["success"].to_numpy().astype(np.float64)
+    # Sums over each scene; the first row of the counts is the data as they are.
+    counts = np.ones((1, len(scene)))
+    if len(scene) > 1:
+        counts = np.concatenate([counts, draw_scenes(scene.tolist(), draws, seed)])
+    n, tried, held, held_tried = (
+        counts @ np.bincount(numbers, weights=weights, minlength=len(scene))
+        for weights in (np.ones_like(attempt), attempt, success, attempt * success)
+    )
+    always, rate = held / n, tried / n
+    with np.errstate(invalid="ignore"):
+        following = held_tried / tried
+    any_tried = tried[0] > 0
+    return Scorecard(
+        n=len(both),
+        attempts=int(tried[0]),
+        scenes=len(scene),
+        untried=len(verdicts) - len(both),
+        always=_interval(always),
+        following=_interval(following) if any_tried else None,
+        attempt_rate=_interval(rate),
+        gain=_interval(following - always) if any_tried else None,
+    )
+
+
+def _only(outcomes: pl.DataFrame, column: str, option: str, name: str | None) -> pl.DataFrame:
+    known = outcomes[column].unique().sort().to_list()
+    if name is None and len(known) > 1:
+        raise InputError(f"the outcomes are of several: {', '.join(known)}; say which, by {option}")
+    if name is not None and name not in known:
+        raise UnknownNameError(column, name, known, hint="These have outcomes")
+    return outcomes if name is None else outcomes.filter(pl.col(column) == name)
+
+
+def _interval(values: Float[ndarray, " d"]) -> Interval:
+    """From the data's value and then each draw's; a draw that has none is left out."""
+    drawn = values[1:][~np.isnan(values[1:])]
+    low, high = np.percentile(drawn, (2.5, 97.5)) if len(drawn) else (np.nan, np.nan)
+    return Interval(float(values[0]), float(low), float(high))
