@@ -217,6 +217,19 @@ def test_objects_without_a_model(world: Path, capsys: pytest.CaptureFixture[str]
     )
 
 
+def test_only_some_scenes(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(train(world, "--folds", "0", "--scenes", "0-2", "4")) == 0
+    assert "1 objects, 40 samples" in capsys.readouterr().out
+    assert main(predict(world, "--scenes", "3", "5")) == 0
+    scenes = pl.read_csv(world / "v.csv")["scene_id"]
+    assert sorted(set(scenes.to_list())) == [3, 5]
+    said = refused(predict(world, "--scenes", "7"), capsys)
+    assert "no estimate in the wanted scenes 7; it has scenes 0, 1, 2, 3, 4, 5" in said
+    for wrong in ("x", "3-", "4-2", "-1"):
+        with pytest.raises(SystemExit):
+            main(predict(world, "--scenes", wrong))
+
+
 def test_models_of_other_estimators_or_objects(
     world: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

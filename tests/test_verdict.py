@@ -11,7 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from graspcast.errors import InputError
-from graspcast.verdict import Verdict, VerdictRow, check_threshold, decide, write_verdicts
+from graspcast.verdict import (
+    Verdict,
+    VerdictRow,
+    check_threshold,
+    decide,
+    read_verdicts,
+    write_verdicts,
+)
 
 share = st.floats(0, 1)
 
@@ -75,6 +82,18 @@ def test_whatever_the_reason_the_file_is_read_back(
             assert row["probability"] == ""
         else:
             assert np.isclose(float(row["probability"]), probability, atol=5e-7)
+    table = read_verdicts(path)
+    assert table["reason"].to_list() == [why or None for _, why, _ in given_rows]
+    assert table["im_id"].to_list() == [i for i, _, _ in given_rows]
+    assert not table["attempt"].any()
+
+
+def test_instances_are_numbered_in_the_order_of_the_file(tmp_path: Path) -> None:
+    rows = [VerdictRow(1, 2, obj, "hand", decide(0.5, 0.5)) for obj in (5, 6, 5, 5)]
+    write_verdicts(tmp_path / "v.csv", rows)
+    table = read_verdicts(tmp_path / "v.csv")
+    assert table["inst_id"].to_list() == [0, 0, 1, 2]
+    assert table["attempt"].all()
 
 
 def test_no_verdicts_is_a_header(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from graspcast.cli import (
     campaign,
     compare,
     data,
+    demo,
     estimate,
     evaluate,
     learn,
@@ -37,6 +38,7 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"graspcast {__version__}")
     verbs = top.add_subparsers(title="verbs", dest="verb", metavar="VERB", required=True)
     for module in (
+        demo,
         data,
         render,
         estimate,
