@@ -14,12 +14,14 @@ from graspcast._version import __version__
 
 if TYPE_CHECKING:
     from graspcast.bop.dataset import BopDataset, GroundTruth
+    from graspcast.bop.detections import Detections, read_detections
     from graspcast.bop.models import Models
     from graspcast.bop.release import import_release
     from graspcast.bop.results import Results, read_results, write_results
     from graspcast.certification import certify, unit_names
     from graspcast.comparison import Comparison, compare
     from graspcast.consensus import Features, consensus_features, describe, mean_add
+    from graspcast.demo_data import demo_dataset
     from graspcast.drift import DriftMonitor
     from graspcast.errors import GraspcastError
     from graspcast.estimates import Estimates, align, concatenate
@@ -46,18 +48,21 @@ if TYPE_CHECKING:
     from graspcast.published import Published
     from graspcast.rendering.dataset import render_dataset
     from graspcast.report.paper import reproduce
+    from graspcast.scorecard import Scorecard, score_verdicts
     from graspcast.thresholds import Sequence, learn_sequence
     from graspcast.truth import match, measure, summarise
-    from graspcast.verdict import Verdict, decide, verdict_rows, write_verdicts
+    from graspcast.verdict import Verdict, decide, read_verdicts, verdict_rows, write_verdicts
 
 _HOME = {
     "bop.dataset": ("BopDataset", "GroundTruth"),
+    "bop.detections": ("Detections", "read_detections"),
     "bop.models": ("Models",),
     "bop.release": ("import_release",),
     "bop.results": ("Results", "read_results", "write_results"),
     "certification": ("certify", "unit_names"),
     "comparison": ("Comparison", "compare"),
     "consensus": ("Features", "consensus_features", "describe", "mean_add"),
+    "demo_data": ("demo_dataset",),
     "drift": ("DriftMonitor",),
     "errors": ("GraspcastError",),
     "estimates": ("Estimates", "align", "concatenate"),
@@ -84,9 +89,10 @@ _HOME = {
     "published": ("Published",),
     "rendering.dataset": ("render_dataset",),
     "report.paper": ("reproduce",),
+    "scorecard": ("Scorecard", "score_verdicts"),
     "thresholds": ("Sequence", "learn_sequence"),
     "truth": ("match", "measure", "summarise"),
-    "verdict": ("Verdict", "decide", "verdict_rows", "write_verdicts"),
+    "verdict": ("Verdict", "decide", "read_verdicts", "verdict_rows", "write_verdicts"),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

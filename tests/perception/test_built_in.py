@@ -11,28 +11,34 @@ import numpy as np
 import pytest
 
 from graspcast.bop.dataset import BopDataset
-from graspcast.bop.detections import Detections, jittered
+from graspcast.bop.detections import Detections, jittered, read_detections
+from graspcast.demo_data import demo_dataset
 from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.perception import BUILT_IN, built_in
 from graspcast.perception.conformance import check_estimator
 from graspcast.perception.run import run_estimator
 from graspcast.truth import measure, summarise
 
-pytest.importorskip("onnxruntime", reason="onnxruntime is not installed (extra estimators)")
-pytest.importorskip("poselib", reason="PoseLib is not installed (extra estimators)")
-
-ROOT = Path(str(files("graspcast"))) / "demo_data" / "ycbv"
 WEIGHTS = Path(str(files("graspcast.perception"))) / "weights"
 
 
 @pytest.fixture(scope="module")
 def dataset() -> BopDataset:
-    return BopDataset(ROOT)
+    return demo_dataset()
 
 
 @pytest.fixture(scope="module")
 def boxes(dataset: BopDataset) -> Detections:
-    return jittered(dataset, 0)
+    return read_detections(dataset.root / "test_detections_jittered.json", dataset)
+
+
+def test_the_boxes_that_ship_are_those_that_render_writes(
+    dataset: BopDataset, boxes: Detections
+) -> None:
+    seed = json.loads((dataset.root / "render.json").read_text())["settings"]["seed"]
+    again = jittered(dataset, seed)
+    np.testing.assert_array_equal(again.box_xywh, boxes.box_xywh)
+    assert "not a detector" in boxes.detector
 
 
 @pytest.mark.parametrize("name", BUILT_IN)

@@ -69,12 +69,15 @@ def add_verbs(verbs: Verbs) -> None:
 
 
 def _demo(options: argparse.Namespace) -> int:
+    from graspcast.bop.dataset import BopDataset
     from graspcast.cli import main
+    from graspcast.demo_data import demo_dataset
 
     began = time.monotonic()
-    data = _data(options)
+    dataset = BopDataset(options.data) if options.data else demo_dataset()
+    data, parts = str(dataset.root), _parts(dataset)
     print_text(f"DATA={shlex.quote(data)}")
-    for title, command in _steps(options, data):
+    for title, command in _steps(options, dataset, *parts):
         print_text(f"\n# {title}\n$ graspcast {_told(command, data)}")
         if code := main(command):
             return code
@@ -82,12 +85,6 @@ def _demo(options: argparse.Namespace) -> int:
     pictures = ", ".join(str(path) for path in sorted(options.out.glob("*.png")))
     print_text(f"\n{minutes} min {seconds} s. Pictures: {pictures}")
     return 0
-
-
-def _data(options: argparse.Namespace) -> str:
-    from importlib.resources import files
-
-    return str(options.data or files("graspcast") / "demo_data" / "ycbv")
 
 
 def _told(command: list[str], data: str) -> str:
@@ -100,20 +97,19 @@ def _told(command: list[str], data: str) -> str:
     )
 
 
-def _steps(options: argparse.Namespace, data: str) -> Iterator[tuple[str, list[str]]]:
+def _steps(
+    options: argparse.Namespace, dataset: BopDataset, learnt: list[str], unseen: list[str]
+) -> Iterator[tuple[str, list[str]]]:
     """What each step is, and its command; later ones depend on what earlier ones have written."""
-    from graspcast.bop.dataset import BopDataset
     from graspcast.perception import BUILT_IN
 
     out, gripper, principal = options.out, options.gripper, options.principal
-    dataset = BopDataset(data)
-    learnt, unseen = _parts(dataset)
     trials, model, verdicts = out / "trials", out / "model.npz", out / "verdicts.csv"
     tables = {name: out / f"{name}_{dataset.name}-test.csv" for name in BUILT_IN}
-    bop = ["--bop", data]
+    bop = ["--bop", str(dataset.root)]
     mine = [*bop, "--estimates", f"{principal}={tables[principal]}"]
     everyone = [*bop, *(t for n, path in tables.items() for t in ("--estimates", f"{n}={path}"))]
-    boxes = str(Path(data) / "test_detections_jittered.json")
+    boxes = str(dataset.root / "test_detections_jittered.json")
     for name, path in tables.items():
         yield (
             f"Poses by the estimator {name}",
