@@ -28,7 +28,7 @@ from graspcast.bop.results import write_results
 from graspcast.cli import main
 from graspcast.errors import InputError, MismatchError
 from graspcast.learning import training
-from graspcast.learning.contrast import FORECAST, STANDING, draw_rows, gains, under_draws
+from graspcast.learning.contrast import FORECAST, STANDING
 from graspcast.learning.training import cross_validate, cross_validated
 from poses import nudged, random_poses, results_of, write_models
 
@@ -175,34 +175,6 @@ def test_figures_are_those_of_forecasts_without_the_supporter(
     gain = values["ab"].aurc - values["abc"].aurc
     assert judged.without["c"].gain["aurc"].value == pytest.approx(gain)
     assert (judged.n, judged.unjudged, judged.scenes) == (240, 0, 12)
-
-
-def test_intervals_are_those_of_a_mean_over_scenes() -> None:
-    """The Brier score is a mean: its standard error over equal scenes has a formula."""
-    rng = np.random.default_rng(3)
-    scenes, each = 40, 5
-    groups = np.repeat(np.arange(scenes), each).astype(str)
-    success = rng.random(scenes * each) < 0.6
-    shift = np.repeat(rng.normal(0, 0.1, scenes), each)
-    one = np.clip(0.6 + shift + rng.normal(0, 0.05, len(shift)), 0, 1)
-    other = np.full(len(one), 0.5)
-    draws = draw_rows(groups, 500, 0)
-    gain = gains(*(under_draws(p, success, draws, ("brier",)) for p in (one, other)))["brier"]
-    apart = ((other - success) ** 2 - (one - success) ** 2).reshape(scenes, each).mean(axis=1)
-    error = apart.std(ddof=1) / np.sqrt(scenes)
-    assert gain.value == pytest.approx(apart.mean())
-    assert_allclose(
-        [gain.low, gain.high], apart.mean() + 1.96 * error * np.array([-1, 1]), atol=error / 4
-    )
-
-
-def test_one_scene_has_no_interval() -> None:
-    p, success = np.array([0.2, 0.6, 0.7]), np.array([False, True, True])
-    draws = draw_rows(np.array(["x", "x", "x"]), 10, 0)
-    gain = gains(*(under_draws(q, success, draws, FORECAST) for q in (p, 1 - p)))["auroc"]
-    assert gain.value == 1.0
-    assert np.isnan([gain.low, gain.high]).all()
-    assert not gain.distinct
 
 
 # --- Any number of estimators ---------------------------------------------------------------------

@@ -9,11 +9,11 @@ the one that pleases.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.bop.models import Models
@@ -26,11 +26,11 @@ from graspcast.learning.contrast import (
     Contrast,
     Drawn,
     Gain,
-    draw_rows,
     figures_of,
     gains,
-    under_draws,
+    under_scenes,
 )
+from graspcast.learning.forecasts import Forecasts
 from graspcast.learning.lessons import Lessons
 from graspcast.learning.samples import scene_groups
 from graspcast.learning.training import cross_validated
@@ -212,7 +212,7 @@ def compare(
     done = 0
     found = []
     for learned, wanted in zip(lessons, subsets, strict=True):
-        forecasts = {}
+        probability = {}
         for supporters in wanted:
 
             def step(share: float, before: int = done) -> None:
@@ -224,21 +224,19 @@ def compare(
                 for name in learned.estimates.estimators
                 if name == learned.principal or name in supporters
             ]
-            forecasts[supporters] = cross_validated(learned.only(*kept), progress=step, **options)
+            probability[supporters] = cross_validated(learned.only(*kept), progress=step, **options)
             done += 1
-        found.append(_Forecasts.of(learned, forecasts))
+        found.append(_Candidate.of(learned, probability))
     common = _common(found)
     standings: dict[str, Drawn] = {}
     scenes = 0
     if len(common[0]):
-        groups = found[0].groups[common[0]]
+        # Blocks of frames are cut for each principal alone; to be paired, all take the first's.
+        groups = found[0].every.scenes[common[0]]
         scenes = len(np.unique(groups))
-        draws = draw_rows(groups, bootstrap, seed)
         for each, rows in zip(found, common, strict=True):
-            probability = each.probability[each.supporters][rows]
-            standings[each.principal] = under_draws(
-                probability, each.success[rows], draws, STANDING
-            )
+            shared = replace(each.every.select(rows), scenes=groups)
+            standings[each.principal] = under_scenes(shared, STANDING, bootstrap, seed)
     return Comparison(
         gripper=lessons[0].gripper,
         estimators=lessons[0].estimates.estimators,
@@ -290,14 +288,13 @@ def _subsets(supporters: tuple[str, ...]) -> list[tuple[str, ...]]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Forecasts:
+class _Candidate:
     """One principal's instances that every set of supporters has a forecast of."""
 
     principal: str
     supporters: tuple[str, ...]
-    probability: Mapping[tuple[str, ...], Float[ndarray, "n"]]
-    success: Bool[ndarray, "n"]
-    groups: ndarray
+    forecasts: Mapping[tuple[str, ...], Forecasts]
+    """By the supporters that they are made with; the instances are the same."""
     unjudged: int
     places: Mapping[tuple[str, int, int, int], int]
     """Dataset, scene, image and object to the row, where the image has one such instance only:
@@ -306,7 +303,7 @@ class _Forecasts:
     @classmethod
     def of(
         cls, learned: Lessons, probability: Mapping[tuple[str, ...], Float[ndarray, "n"]]
-    ) -> _Forecasts:
+    ) -> _Candidate:
         estimates = learned.estimates
         own = learned.success[estimates.index(learned.principal)]
         tried = np.flatnonzero(~np.isnan(own))
@@ -320,22 +317,37 @@ class _Forecasts:
         columns = (estimates.dataset, estimates.scene_id, estimates.im_id, estimates.obj_id)
         keys = list(zip(*(column.tolist() for column in columns), strict=True))
         several = {keys[i] for i in np.flatnonzero(estimates.inst_id > 0)}
+        forecasts = {
+            names: Forecasts(
+                protocol="unseen_scenes",
+                method=f"with {', '.join(names)}",
+                principal=learned.principal,
+                gripper=learned.gripper,
+                probability=found[judged],
+                success=own[rows] == 1,
+                objects=estimates.objects[rows],
+                scenes=scene_groups(estimates)[rows],
+            )
+            for names, found in probability.items()
+        }
         return cls(
             learned.principal,
             estimates.supporters(learned.principal),
-            {names: found[judged] for names, found in probability.items()},
-            own[rows] == 1,
-            scene_groups(estimates)[rows],
+            forecasts,
             int((~judged).sum()),
             {keys[row]: i for i, row in enumerate(rows) if keys[row] not in several},
         )
 
+    @property
+    def every(self) -> Forecasts:
+        """Those with all supporters."""
+        return self.forecasts[self.supporters]
+
     def judged(self, bootstrap: int, seed: int) -> Judged:
         """Figures with all supporters and with some, and paired differences."""
-        draws = draw_rows(self.groups, bootstrap, seed)
         drawn = {
-            names: under_draws(probability, self.success, draws, FORECAST)
-            for names, probability in self.probability.items()
+            names: under_scenes(forecasts, FORECAST, bootstrap, seed)
+            for names, forecasts in self.forecasts.items()
         }
         every = drawn[self.supporters]
 
@@ -345,17 +357,17 @@ class _Forecasts:
         several = self.supporters if len(self.supporters) > 1 else ()
         return Judged(
             self.principal,
-            len(self.success),
+            len(self.every),
             self.unjudged,
-            len(np.unique(self.groups)),
-            float(self.success.mean()),
+            len(np.unique(self.every.scenes)),
+            float(self.every.success.mean()),
             figures_of(every),
             {name: contrast(tuple(n for n in self.supporters if n != name)) for name in several},
             {name: contrast((name,)) for name in several},
         )
 
 
-def _common(found: Sequence[_Forecasts]) -> list[Int[ndarray, "m"]]:
+def _common(found: Sequence[_Candidate]) -> list[Int[ndarray, "m"]]:
     """The rows of each principal's that all principals have, in one order."""
     shared = sorted(set.intersection(*(set(each.places) for each in found)))
     return [np.array([each.places[key] for key in shared], dtype=np.int64) for each in found]

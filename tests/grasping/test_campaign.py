@@ -29,7 +29,7 @@ from graspcast.grasping.campaign import Progress, run_campaign
 from graspcast.grasping.executors import LocalExecutor, usable_cores
 from graspcast.grasping.grasps import read_grasps
 from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
-from graspcast.grasping.store import COLUMNS, Store, read_outcomes
+from graspcast.grasping.store import COLUMNS, Store
 from graspcast.grasping.trial import TrialSettings
 from graspcast.grasping.work import Pair, load_pairs
 
@@ -82,7 +82,7 @@ def complete(
 def test_outcomes_are_those_of_the_trials_run_one_by_one(
     complete: Path, requests: TrialRequests, pairs: dict[tuple[str, str], Pair]
 ) -> None:
-    outcomes = read_outcomes(complete)
+    outcomes = Store(complete).outcomes()
     assert dict(outcomes.schema) == COLUMNS
     assert 0.1 < outcomes["success"].mean() < 0.9  # type: ignore[operator]
     pair = pairs["ycbv-4", "parallel"]
@@ -101,7 +101,7 @@ def test_a_complete_campaign_is_four_files_and_is_not_run_again(
         "outcomes.parquet",
         "README.md",
     }
-    before = read_outcomes(complete)
+    before = Store(complete).outcomes()
     again = run_campaign(requests, pairs, complete, executor=ONE)
     assert again.equals(before)  # even to the seconds it took
 
@@ -114,7 +114,7 @@ def test_order_does_not_matter(
 ) -> None:
     shuffled = requests.select(np.random.default_rng(0).permutation(len(requests)))
     outcomes = run_campaign(shuffled, pairs, tmp_path / "out", executor=ONE)
-    assert _same_but_for_time(outcomes, read_outcomes(complete))
+    assert _same_but_for_time(outcomes, Store(complete).outcomes())
     first, second = (
         json.loads((d / "manifest.json").read_text()) for d in (complete, tmp_path / "out")
     )
@@ -129,7 +129,7 @@ def test_two_workers_give_the_same(
     tmp_path: Path,
 ) -> None:
     outcomes = run_campaign(requests, pairs, tmp_path / "out", executor=LocalExecutor(2))
-    assert _same_but_for_time(outcomes, read_outcomes(complete))
+    assert _same_but_for_time(outcomes, Store(complete).outcomes())
 
 
 @pytest.mark.slow
@@ -146,12 +146,12 @@ def test_killed_and_started_again_it_repeats_nothing(tmp_path: Path, workers: in
         assert process.stderr is not None
         process.stderr.close()
     # The lock goes with the process; its workers may need a moment to notice.
-    kept = read_outcomes(directory)
+    kept = Store(directory).outcomes()
     assert 0 < len(kept) < count
     process = _start(directory, count, workers)
     _, told = process.communicate(timeout=120)
     assert process.returncode == 0, told
-    outcomes = read_outcomes(directory)
+    outcomes = Store(directory).outcomes()
     assert len(outcomes) == count
     # computed_s is never twice the same, so equality means that nothing was run again.
     assert outcomes.join(kept, on=outcomes.columns, how="semi", nulls_equal=True).height == len(
@@ -184,11 +184,11 @@ def test_a_dead_worker_is_a_clear_message_and_a_state_to_go_on_from(tmp_path: Pa
     assert process.returncode == 2
     assert "CampaignStoppedError: a worker process died" in told
     assert "Traceback" not in told
-    kept = read_outcomes(directory)
+    kept = Store(directory).outcomes()
     assert f"{len(kept)} of 100 trials are kept in {directory}" in told
     process = _start(directory, 100, 1)
     process.communicate(timeout=120)
-    assert len(read_outcomes(directory)) == 100
+    assert len(Store(directory).outcomes()) == 100
 
 
 def _children(pid: int) -> list[int]:
@@ -211,13 +211,13 @@ def test_a_full_disk_is_a_clear_message_and_a_state_to_go_on_from(tmp_path: Path
     assert process.returncode == 2, told
     assert "could not be written (File too large)" in told
     assert f"60 of 60 trials are kept in {directory}; run the same again" in told
-    kept = read_outcomes(directory)
+    kept = Store(directory).outcomes()
     assert len(kept) == 60
     assert not list(directory.glob(".outcomes*"))
     process = _start(directory, 60, 1)
     process.communicate(timeout=60)
     assert process.returncode == 0
-    assert read_outcomes(directory).equals(kept)
+    assert Store(directory).outcomes().equals(kept)
 
 
 def test_a_directory_that_cannot_be_written(
@@ -263,7 +263,7 @@ def test_a_directory_with_other_files_is_left_alone(
     with pytest.raises(InputError, match="holds files but no campaign"):
         run_campaign(requests, pairs, tmp_path, executor=ONE)
     with pytest.raises(FormatError, match="not a campaign's manifest"):
-        read_outcomes(tmp_path)
+        Store(tmp_path).outcomes()
 
 
 def test_two_processes_cannot_share_a_directory(
@@ -280,10 +280,10 @@ def test_an_interrupted_merge_counts_nothing_twice(complete: Path, tmp_path: Pat
     directory = tmp_path / "copy"
     shutil.copytree(complete, directory)
     store = Store(directory)
-    whole = read_outcomes(directory)
+    whole = Store(directory).outcomes()
     store.append(whole[:10])
     # As after a kill between writing the merged file and removing its parts.
-    assert read_outcomes(directory).equals(whole)
+    assert Store(directory).outcomes().equals(whole)
     assert store.finish().equals(whole)
     assert not (directory / "shards").exists()
 
@@ -292,7 +292,7 @@ def test_many_shards_are_merged_on_the_way(
     complete: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("graspcast.grasping.store._MOST_SHARDS", 3)
-    whole = read_outcomes(complete)
+    whole = Store(complete).outcomes()
     store = Store(tmp_path / "out")
     with store.lock():
         store.begin(Store(complete).manifest)
@@ -308,10 +308,10 @@ def test_a_damaged_shard_is_named_and_the_rest_stays(complete: Path, tmp_path: P
     content = (directory / "outcomes.parquet").read_bytes()
     (directory / "outcomes.parquet").write_bytes(content[: len(content) // 2])
     with pytest.raises(FormatError, match=r"outcomes.parquet: is damaged .*remove it"):
-        read_outcomes(directory)
+        Store(directory).outcomes()
     pl.DataFrame({"a": [1]}).write_parquet(directory / "outcomes.parquet")
     with pytest.raises(FormatError, match="should have the columns estimator"):
-        read_outcomes(directory)
+        Store(directory).outcomes()
 
 
 def test_progress_is_told(

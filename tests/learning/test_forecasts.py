@@ -44,6 +44,17 @@ def test_none_at_all_is_refused() -> None:
         dataclasses.replace(GOOD, **nothing)
 
 
+def test_some_rows_are_selected_in_their_order() -> None:
+    some = GOOD.select(np.array([2, 0]))
+    assert_array_equal(some.probability, [1.0, 0.0])
+    assert_array_equal(some.success, [True, True])
+    assert_array_equal(some.objects, ["d-2", "d-1"])
+    assert_array_equal(some.scenes, ["d/2", "d/1"])
+    assert (some.method, some.principal) == (GOOD.method, GOOD.principal)
+    with pytest.raises(InputError, match="there are no predictions"):
+        GOOD.select(np.array([], dtype=np.int64))
+
+
 def test_kept_and_read_back(tmp_path: Path) -> None:
     path = tmp_path / "a" / "b.npz"
     GOOD.save(path, "settings 1")

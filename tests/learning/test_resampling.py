@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from sklearn.metrics import roc_auc_score
@@ -14,6 +14,10 @@ from graspcast.learning.resampling import Resampled, draw_scenes
 from graspcast.learning.scores import BINS, bin_of, score
 
 SCENES = ["s0", "s1", "s2", "s3"]
+MEASURES = (
+    *("accuracy", "auroc", "brier", "ece", "aurc"),
+    *("success_at_50", "success_at_70", "success_at_90", "success"),
+)
 
 
 def forecasts(seed: int, n: int = 60, *, levels: int | None = 7) -> Forecasts:
@@ -39,21 +43,24 @@ def repeated(f: Forecasts, counts: np.ndarray) -> np.ndarray:
     return np.concatenate([np.tile(r, c) for r, c in zip(rows, times, strict=True)])
 
 
-@settings(max_examples=25)
+@settings(max_examples=50)
 @given(
     st.integers(0, 10_000),
+    st.integers(1, 60),
     st.lists(st.integers(0, 3), min_size=4, max_size=4).filter(any),
     st.sampled_from([2, 7, None]),
 )
 def test_every_score_is_that_of_repeated_rows(
-    seed: int, counts: list[int], levels: int | None
+    seed: int, n: int, counts: list[int], levels: int | None
 ) -> None:
-    f = forecasts(seed, levels=levels)
+    """Of any size, since the share attempted is rounded to whole rows."""
+    f = forecasts(seed, n, levels=levels)
     draw = np.array([counts])
     rows = repeated(f, draw[0])
+    assume(len(rows))
     expected = score(f.probability[rows], f.success[rows], f.objects[rows])
     again = Resampled(f, SCENES, draw)
-    for name in ("accuracy", "auroc", "brier", "ece", "aurc"):
+    for name in MEASURES:
         value = getattr(again, name)()
         assert value.shape == (1,)
         assert value[0] == pytest.approx(getattr(expected, name), abs=1e-12, nan_ok=True), name
@@ -88,7 +95,7 @@ def test_success_in_bins_is_a_loop_over_rows() -> None:
 def test_a_draw_of_nothing_has_no_scores() -> None:
     f = forecasts(0)
     again = Resampled(f, SCENES, np.zeros((1, 4), np.int64))
-    for name in ("accuracy", "auroc", "brier", "ece", "aurc"):
+    for name in MEASURES:
         assert np.isnan(getattr(again, name)()).all(), name
 
 

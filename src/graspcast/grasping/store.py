@@ -31,7 +31,7 @@ from graspcast.files import atomic_write, write_text
 from graspcast.grasping.requests import KEY_COLUMNS
 from graspcast.outcomes import ERROR_COLUMNS
 
-__all__ = ["COLUMNS", "Store", "read_outcomes"]
+__all__ = ["COLUMNS", "Store"]
 
 COLUMNS = {
     **KEY_COLUMNS,
@@ -50,15 +50,6 @@ COLUMNS = {
 
 MANIFEST, SHARDS, OUTCOMES = "manifest.json", "shards", "outcomes.parquet"
 _MOST_SHARDS = 500
-
-
-def read_outcomes(directory: str | PathLike[str]) -> pl.DataFrame:
-    """The outcomes of a campaign, complete or not, sorted by their keys.
-
-    Raises:
-        FormatError: if the directory is no campaign's, or one of its files is damaged.
-    """
-    return Store(directory).outcomes()
 
 
 class Store:
@@ -175,7 +166,11 @@ class Store:
         return outcomes
 
     def outcomes(self) -> pl.DataFrame:
-        """Everything that is kept so far, sorted by keys, nothing twice."""
+        """Everything that is kept so far, sorted by keys, nothing twice.
+
+        Raises:
+            FormatError: if the directory is no campaign's, or one of its files is damaged.
+        """
         self.manifest  # noqa: B018 - an empty answer for a wrong directory would mislead
         parts = [_read(path) for path in self._files()]
         together = pl.concat([pl.DataFrame(schema=COLUMNS), *parts])

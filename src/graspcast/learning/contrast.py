@@ -1,8 +1,7 @@
 """Two ways to forecast the same instances, and by how much one is better, with its uncertainty.
 
-Differences are paired: the same instances under the same draws of scenes with replacement (cluster
-bootstrap: Davison & Hinkley, *Bootstrap Methods and their Application*, 1997, 3.8), since instances
-of one scene are not independent.
+Differences are paired: the same instances under the same draws of scenes with replacement
+(:mod:`graspcast.learning.resampling`), since instances of one scene are not independent.
 """
 
 from __future__ import annotations
@@ -11,10 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.learning.scores import score
+from graspcast.learning.forecasts import Forecasts
+from graspcast.learning.resampling import Resampled, draw_scenes
 
 __all__ = [
     "DECISIVE",
@@ -23,10 +23,9 @@ __all__ = [
     "Contrast",
     "Drawn",
     "Gain",
-    "draw_rows",
     "figures_of",
     "gains",
-    "under_draws",
+    "under_scenes",
 ]
 
 _ATTEMPTED = ("success_at_50", "success_at_70", "success_at_90")
@@ -78,29 +77,17 @@ class Contrast:
     gain: Mapping[str, Gain]
 
 
-def draw_rows(groups: ndarray, bootstrap: int, seed: int) -> list[Int[ndarray, "m"]]:
-    """Rows of scenes drawn with replacement; none where there are no two scenes."""
-    names, number = np.unique(groups, return_inverse=True)
-    if len(names) < 2:
-        return []
-    rows = [np.flatnonzero(number == i) for i in range(len(names))]
-    chosen = np.random.default_rng(seed).integers(len(names), size=(bootstrap, len(names)))
-    return [np.concatenate([rows[i] for i in one]) for one in chosen.tolist()]
+def under_scenes(forecasts: Forecasts, measures: Sequence[str], bootstrap: int, seed: int) -> Drawn:
+    """Measures of all instances, and under draws of their scenes, if there are two or more.
 
-
-def under_draws(
-    probability: Float[ndarray, "n"],
-    success: Bool[ndarray, "n"],
-    draws: Sequence[Int[ndarray, "m"]],
-    measures: Sequence[str],
-) -> Drawn:
-    """Measures of all instances, and of each draw of rows."""
-    together = np.zeros(len(success), dtype=np.int64)  # accuracy, over objects, is not asked for
-    found = [
-        score(probability[rows], success[rows], together[rows])
-        for rows in (np.arange(len(success)), *draws)
-    ]
-    return {name: np.array([getattr(one, name) for one in found]) for name in measures}
+    Forecasts of the same scenes share the draws of a seed, which pairs what they differ by.
+    """
+    scenes = np.unique(forecasts.scenes).tolist()
+    counts = np.ones((1, len(scenes)), dtype=np.int64)
+    if len(scenes) > 1:
+        counts = np.concatenate([counts, draw_scenes(scenes, bootstrap, seed)])
+    again = Resampled(forecasts, scenes, counts)
+    return {name: getattr(again, name)() for name in measures}
 
 
 def figures_of(drawn: Drawn) -> dict[str, float]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError, MismatchError
@@ -67,6 +67,15 @@ class Forecasts:
 
     def __len__(self) -> int:
         return len(self.success)
+
+    def select(self, rows: Int[ndarray, " m"]) -> Forecasts:
+        """Some of the predictions, in the order of the rows.
+
+        Raises:
+            InputError: if there are none.
+        """
+        columns = ("probability", "success", "objects", "scenes")
+        return replace(self, **{name: getattr(self, name)[rows] for name in columns})
 
     def save(self, path: str | PathLike[str], configuration: str) -> None:
         """Write it as npz, whole or not at all, with what it was computed from."""

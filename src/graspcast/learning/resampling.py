@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -21,6 +21,8 @@ from graspcast.learning.forecasts import Forecasts
 from graspcast.learning.scores import BINS, bin_of
 
 __all__ = ["Resampled", "draw_scenes"]
+
+_SHARES = (0.5, 0.7, 0.9)
 
 
 def draw_scenes(scenes: Sequence[str], draws: int, seed: int) -> Int[ndarray, "draws scenes"]:
@@ -121,23 +123,46 @@ class Resampled:
         with np.errstate(invalid="ignore"):
             return ordered / pairs
 
+    def success(self) -> Float[ndarray, " draws"]:
+        """Success rate of all rows."""
+        return self.mean(self._forecasts.success.astype(np.float64))
+
+    def success_at_50(self) -> Float[ndarray, " draws"]:
+        """Success rate of the most probable half."""
+        return 1 - self._curve[1][:, 0]
+
+    def success_at_70(self) -> Float[ndarray, " draws"]:
+        """Success rate of the most probable 70 %."""
+        return 1 - self._curve[1][:, 1]
+
+    def success_at_90(self) -> Float[ndarray, " draws"]:
+        """Success rate of the most probable 90 %."""
+        return 1 - self._curve[1][:, 2]
+
     def aurc(self) -> Float[ndarray, " draws"]:
         """Area under the risk-coverage curve."""
+        return self._curve[0]
+
+    @cached_property
+    def _curve(self) -> tuple[Float[ndarray, " draws"], Float[ndarray, "draws shares"]]:
+        """The area under the risk-coverage curve, and the risk at each of the shares."""
         f = self._forecasts
         order = np.argsort(-f.probability, kind="stable")
         last = np.append(np.diff(f.probability[order]) != 0, True)
         counts = self._counts.astype(np.int64)
         harmonic = np.concatenate([[0.0], np.cumsum(1 / np.arange(1, self._sizes.max() + 1))])
-        return _areas()(counts, self._scene[order], ~f.success[order], last, harmonic)
+        # As RiskCoverage.success_at rounds: a half goes to the even neighbour.
+        attempts = np.maximum(1, np.rint(np.outer(self._sizes, _SHARES)).astype(np.int64))
+        return _walked()(counts, self._scene[order], ~f.success[order], last, harmonic, attempts)
 
 
 @cache
-def _areas() -> Callable[..., ndarray]:
+def _walked() -> Callable[..., tuple[ndarray, ndarray]]:
     """Compiled when first used: loading numba takes longer than all the other scores."""
     from numba import njit
 
     # A checker of types at run time wraps functions, but cannot be compiled.
-    compiled: Callable[..., ndarray] = njit(inspect.unwrap(_walk))
+    compiled: Callable[..., tuple[ndarray, ndarray]] = njit(inspect.unwrap(_walk))
     return compiled
 
 
@@ -147,14 +172,16 @@ def _walk(
     failed: Bool[ndarray, " n"],
     last: Bool[ndarray, " n"],
     harmonic: Float[ndarray, " h"],
-) -> Float[ndarray, " draws"]:
-    """The area of each draw, rows being sorted by falling probability.
+    attempts: Int[ndarray, "draws shares"],
+) -> tuple[Float[ndarray, " draws"], Float[ndarray, "draws shares"]]:
+    """The area of each draw, and the risk of its first attempts, rows by falling probability.
 
     Of m rows of equal probability, of which f fail, after M rows of which F failed, the j-th lies
     at risk (F + j f / m) / (M + j). Summed over j that is f + (F - M f / m) (H(M+m) - H(M)), H
     being the harmonic numbers.
     """
-    out = np.empty(len(counts))
+    areas = np.full(len(counts), np.nan)
+    risks = np.full(attempts.shape, np.nan)
     for d in range(len(counts)):
         area = 0.0
         before = bad_before = count = bad = 0
@@ -166,8 +193,13 @@ def _walk(
             if last[i] and count > 0:
                 rest = bad_before - before * bad / count
                 area += bad + rest * (harmonic[before + count] - harmonic[before])
+                for k in range(attempts.shape[1]):
+                    j = attempts[d, k] - before
+                    if 0 < j <= count:
+                        risks[d, k] = (bad_before + j * bad / count) / attempts[d, k]
                 before += count
                 bad_before += bad
                 count = bad = 0
-        out[d] = area / before if before > 0 else np.nan
-    return out
+        if before > 0:
+            areas[d] = area / before
+    return areas, risks
