@@ -7,31 +7,13 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from jaxtyping import Float
-from numpy import ndarray
 
 from graspcast.errors import InputError, UnknownNameError
-from graspcast.learning.resampling import draw_scenes
+from graspcast.learning.resampling import Interval, every_scene_and_draws
 
-__all__ = ["Interval", "Scorecard", "score_verdicts"]
+__all__ = ["Scorecard", "score_verdicts"]
 
 _KEYS = ("scene_id", "im_id", "obj_id", "inst_id", "gripper")
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A value and its 95 % interval; NaN where there are no two scenes to draw."""
-
-    value: float
-    low: float
-    high: float
-
-    def __format__(self, sign: str) -> str:
-        value, low, high = (f"{x:{sign}.3f}" for x in (self.value, self.low, self.high))
-        return f"{value} [{low}, {high}]"
-
-    def __str__(self) -> str:
-        return format(self)
 
 
 @dataclass(frozen=True)
@@ -105,10 +87,7 @@ def score_verdicts(
     scene, numbers = np.unique(both["scene_id"].to_numpy(), return_inverse=True)
     attempt = both["attempt"].to_numpy().astype(np.float64)
     success = both["success"].to_numpy().astype(np.float64)
-    # Sums over each scene; the first row of the counts is the data as they are.
-    counts = np.ones((1, len(scene)))
-    if len(scene) > 1:
-        counts = np.concatenate([counts, draw_scenes(scene.tolist(), draws, seed)])
+    counts = every_scene_and_draws(scene.tolist(), draws, seed)
     n, tried, held, held_tried = (
         counts @ np.bincount(numbers, weights=weights, minlength=len(scene))
         for weights in (np.ones_like(attempt), attempt, success, attempt * success)
@@ -122,10 +101,10 @@ def score_verdicts(
         attempts=int(tried[0]),
         scenes=len(scene),
         untried=len(verdicts) - len(both),
-        always=_interval(always),
-        following=_interval(following) if any_tried else None,
-        attempt_rate=_interval(rate),
-        gain=_interval(following - always) if any_tried else None,
+        always=Interval.of(always),
+        following=Interval.of(following) if any_tried else None,
+        attempt_rate=Interval.of(rate),
+        gain=Interval.of(following - always) if any_tried else None,
     )
 
 
@@ -136,10 +115,3 @@ def _only(outcomes: pl.DataFrame, column: str, option: str, name: str | None) ->
     if name is not None and name not in known:
         raise UnknownNameError(column, name, known, hint="These have outcomes")
     return outcomes if name is None else outcomes.filter(pl.col(column) == name)
-
-
-def _interval(values: Float[ndarray, " d"]) -> Interval:
-    """From the data's value and then each draw's; a draw that has none is left out."""
-    drawn = values[1:][~np.isnan(values[1:])]
-    low, high = np.percentile(drawn, (2.5, 97.5)) if len(drawn) else (np.nan, np.nan)
-    return Interval(float(values[0]), float(low), float(high))

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.learning.forecasts import Forecasts
-from graspcast.learning.resampling import Resampled, draw_scenes
+from graspcast.learning.resampling import Interval, Resampled, every_scene_and_draws
 
 __all__ = [
     "DECISIVE",
@@ -36,24 +36,13 @@ STANDING = ("aurc", *_ATTEMPTED, "success")
 DECISIVE = "aurc"
 """The measure by which the recommendation is made."""
 _LOWER_IS_BETTER = ("aurc", "brier")
-_LEVEL = (2.5, 97.5)
 
 Drawn = dict[str, Float[ndarray, "b"]]
 """Of each measure its value, and then its value under each draw of scenes."""
 
 
-@dataclass(frozen=True)
-class Gain:
-    """By how much something is better than something else: positive is better in every measure.
-
-    Attributes:
-        value: The difference.
-        low, high: Its 95 % interval; NaN where there are no two scenes to draw.
-    """
-
-    value: float
-    low: float
-    high: float
+class Gain(Interval):
+    """By how much something is better than something else: positive is better in every measure."""
 
     @property
     def distinct(self) -> bool:
@@ -61,7 +50,7 @@ class Gain:
         return self.low > 0 or self.high < 0
 
     def __str__(self) -> str:
-        return f"{self.value:+.3f} [{self.low:+.3f}, {self.high:+.3f}]"
+        return format(self, "+")
 
 
 @dataclass(frozen=True)
@@ -83,10 +72,7 @@ def under_scenes(forecasts: Forecasts, measures: Sequence[str], bootstrap: int, 
     Forecasts of the same scenes share the draws of a seed, which pairs what they differ by.
     """
     scenes = np.unique(forecasts.scenes).tolist()
-    counts = np.ones((1, len(scenes)), dtype=np.int64)
-    if len(scenes) > 1:
-        counts = np.concatenate([counts, draw_scenes(scenes, bootstrap, seed)])
-    again = Resampled(forecasts, scenes, counts)
+    again = Resampled(forecasts, scenes, every_scene_and_draws(scenes, bootstrap, seed))
     return {name: getattr(again, name)() for name in measures}
 
 
@@ -100,7 +86,5 @@ def gains(mine: Drawn, other: Drawn) -> dict[str, Gain]:
     out = {}
     for name, values in mine.items():
         better = (other[name] - values) if name in _LOWER_IS_BETTER else (values - other[name])
-        under = better[1:][~np.isnan(better[1:])]  # a draw with one class has no AUROC
-        low, high = np.percentile(under, _LEVEL) if len(under) else (np.nan, np.nan)
-        out[name] = Gain(float(better[0]), float(low), float(high))
+        out[name] = Gain.of(better)
     return out

@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import Self
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -20,7 +22,7 @@ from numpy import ndarray
 from graspcast.learning.forecasts import Forecasts
 from graspcast.learning.scores import BINS, bin_of
 
-__all__ = ["Resampled", "draw_scenes"]
+__all__ = ["Interval", "Resampled", "draw_scenes", "every_scene_and_draws"]
 
 _SHARES = (0.5, 0.7, 0.9)
 
@@ -30,6 +32,37 @@ def draw_scenes(scenes: Sequence[str], draws: int, seed: int) -> Int[ndarray, "d
     count = len(scenes)
     rng = np.random.default_rng(seed)
     return rng.multinomial(count, np.full(count, 1 / count), size=draws)
+
+
+def every_scene_and_draws(
+    scenes: Sequence[str], draws: int, seed: int
+) -> Int[ndarray, "draws1 scenes"]:
+    """Every scene once, and then :func:`draw_scenes`, if there are two scenes or more to draw."""
+    once = np.ones((1, len(scenes)), dtype=np.int64)
+    return np.concatenate([once, draw_scenes(scenes, draws, seed)]) if len(scenes) > 1 else once
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A figure and its 95 % interval; NaN where there are no two scenes to draw."""
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, values: Float[ndarray, " draws1"]) -> Self:
+        """From the data's value and then each draw's; the undefined do not count."""
+        drawn = values[1:][~np.isnan(values[1:])]
+        low, high = np.percentile(drawn, (2.5, 97.5)) if len(drawn) else (np.nan, np.nan)
+        return cls(float(values[0]), float(low), float(high))
+
+    def __format__(self, sign: str) -> str:
+        value, low, high = (f"{x:{sign}.3f}" for x in (self.value, self.low, self.high))
+        return f"{value} [{low}, {high}]"
+
+    def __str__(self) -> str:
+        return format(self)
 
 
 class Resampled:
