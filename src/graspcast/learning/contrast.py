@@ -49,8 +49,8 @@ class Gain(Interval):
         """Whether zero lies outside the interval."""
         return self.low > 0 or self.high < 0
 
-    def __str__(self) -> str:
-        return format(self, "+")
+    def __format__(self, sign: str) -> str:
+        return super().__format__(sign or "+")
 
 
 @dataclass(frozen=True)
