@@ -143,10 +143,10 @@ class Canvas:
                     colour[seen] += np.float32(alpha) * (layer[seen] - colour[seen])
         s = self.supersample
         # Slices are added up much faster than short axes are averaged.
-        total = sum(
-            (colour[i::s, j::s] for i in range(s) for j in range(s)), np.float32(0.5 / 255 * s * s)
-        )
-        return (total * np.float32(255 / s**2)).astype(np.uint8)
+        total = np.zeros((self.height, self.width, 3), np.float32)
+        for i in range(s * s):
+            total += colour[i // s :: s, i % s :: s]
+        return np.rint(total * np.float32(255 / s**2)).astype(np.uint8)
 
     def depth_m(self) -> Float[ndarray, "h w"]:
         """Along the optical axis, of the nearest opaque sample of each pixel; infinity for none."""
@@ -161,21 +161,24 @@ def corner_normals(
 ) -> Float[ndarray, "f 3 3"]:
     """A unit normal for each corner of each triangle.
 
-    It is the mean of the triangles about the vertex, weighted by area; but the triangle's own
-    where that is farther than 40 degrees away, so that edges stay sharp.
+    It is the mean of the triangles about the vertex, each weighted by its angle there (Thürmer &
+    Wüthrich, *Computing Vertex Normals from Polygonal Facets*, 1998); but the triangle's own where
+    that is farther than 40 degrees away, so that edges stay sharp.
     """
-    area = _area_vectors(vertices[faces])
-    flat = area / np.maximum(np.linalg.norm(area, axis=1, keepdims=True), 1e-300)
-    total = np.stack(
-        [
-            np.bincount(faces.ravel(), area[:, axis].repeat(3), minlength=len(vertices))
-            for axis in range(3)
-        ],
-        axis=1,
-    )
-    smooth = (total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300))[faces]
+    corners = vertices[faces]
+    flat = _unit(_area_vectors(corners))
+    ahead, back = _unit(np.roll(corners, -1, 1) - corners), _unit(np.roll(corners, 1, 1) - corners)
+    angle = np.arccos(np.clip(np.einsum("fki,fki->fk", ahead, back), -1.0, 1.0))
+    weighted = (angle[..., None] * flat[:, None]).reshape(-1, 3)
+    total = [np.bincount(faces.ravel(), of, minlength=len(vertices)) for of in weighted.T]
+    smooth = _unit(np.stack(total, axis=1))[faces]
     near = np.einsum("fki,fi->fk", smooth, flat) > _CREASE
     return np.where(near[..., None], smooth, flat[:, None])
+
+
+def _unit(vectors: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch 3"]:
+    """Of length 1; zero stays zero."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)
 
 
 def _area_vectors(corners: Float[ndarray, "f 3 3"]) -> Float[ndarray, "f 3"]:

@@ -164,6 +164,7 @@ def _draw(
     from graspcast.grasping.pictures import save_film, save_strip
     from graspcast.grasping.render import SceneRenderer
 
+    _tell_drawer()
     strip = options.out.suffix.lower() == ".png"
     width, height = options.size or ((400, 480) if strip else (640, 480))
     with SceneRenderer(
@@ -178,6 +179,13 @@ def _draw(
             return
         with progress_bar("drawing") as move:
             save_film(options.out, recording, renderer, title, progress=move)
+
+
+def _tell_drawer() -> None:
+    from graspcast.grasping.drawer import why_software
+
+    if reason := why_software():
+        note(f"drawn in software; with OpenGL it would be quicker, but {reason}")
 
 
 def _bop_dirs(options: argparse.Namespace) -> dict[str, Path]:
@@ -266,6 +274,7 @@ def _grasps(options: argparse.Namespace) -> None:
     catalogue = read_catalogue(options.catalogue)
     entries = [catalogue[name] for name in options.objects or catalogue]
     grippers = [load_gripper(name) for name in options.gripper or GRIPPERS]
+    _tell_drawer()
     with progress_bar("drawing") as move:
         cells = draw_cells(
             entries,

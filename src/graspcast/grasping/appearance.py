@@ -129,9 +129,9 @@ def _model(
         width=256,
         height=256,
     )
-    # Lines every 100 mm.
+    # Lines every 100 mm: MuJoCo lays half as many textures on a metre of a plane as are asked for.
     table = spec.add_material(
-        name="table", texrepeat=(10, 10), texuniform=True, specular=0, emission=0.12
+        name="table", texrepeat=(20, 20), texuniform=True, specular=0, emission=0.12
     )
     table.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
     spec.worldbody.add_geom(

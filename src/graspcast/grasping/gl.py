@@ -10,9 +10,19 @@ from typing import Any
 
 from graspcast.errors import ExtraMissingError, InputError
 
-__all__ = ["import_mujoco", "open_context"]
+__all__ = ["UnavailableError", "disabled", "import_mujoco", "open_context"]
 
 _BACKENDS = ("egl", "osmesa", "glfw")
+_NONE = ("disable", "disabled", "off", "false", "0")  # MuJoCo's own words
+
+
+class UnavailableError(InputError):
+    """There is no OpenGL to draw with; the message says what to install."""
+
+
+def disabled() -> bool:
+    """Whether ``MUJOCO_GL`` says that there shall be no OpenGL."""
+    return os.environ.get("MUJOCO_GL", "").strip().lower() in _NONE
 
 
 def import_mujoco() -> None:
@@ -51,7 +61,8 @@ def open_context(width: int, height: int) -> Any:
 
     Raises:
         ExtraMissingError: if PyOpenGL is not installed, or GLFW where it is needed.
-        InputError: if there is no OpenGL to draw with; the message says what to install.
+        UnavailableError: if there is no OpenGL to draw with; the message says what to install.
+        InputError: if ``MUJOCO_GL`` names no backend.
     """
     name = _backend()
     try:
@@ -78,8 +89,8 @@ def open_context(width: int, height: int) -> Any:
             if name
             else "is there a graphics driver?"
         )
-        raise InputError(
-            f"cannot draw: OpenGL{' by ' + name.upper() if name else ''} does not work here "
+        raise UnavailableError(
+            f"OpenGL{' by ' + name.upper() if name else ''} does not work here "
             f"({type(error).__name__}: {error}); {remedy}"
         ) from error
     return context
