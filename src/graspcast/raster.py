@@ -53,6 +53,7 @@ class Canvas:
         near: What is nearer to the camera's plane than this is not drawn, metres.
 
     Attributes:
+        K, width, height, supersample: As given.
         colour: RGB of each sample, (h s, w s, 3).
         inverse_depth: One over the depth of each sample, zero where there is only the background;
             (h s, w s).
@@ -69,7 +70,7 @@ class Canvas:
         near: float = 0.01,
     ):
         s = self.supersample = supersample
-        self.width, self.height, self.near = width, height, near
+        self.K, self.width, self.height, self.near = K, width, height, near
         finer = np.array([[s, 0.0, (s - 1) / 2], [0.0, s, (s - 1) / 2], [0.0, 0.0, 1.0]])
         self._K = finer @ K
         self.colour: Float32[ndarray, "hs ws 3"] = np.empty((height * s, width * s, 3), np.float32)

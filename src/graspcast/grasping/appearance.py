@@ -126,8 +126,8 @@ def _model(
         rgb1=_WHITE,
         rgb2=_WHITE,
         markrgb=_LINE,
-        width=256,
-        height=256,
+        width=128,
+        height=128,
     )
     # Lines every 100 mm: MuJoCo lays half as many textures on a metre of a plane as are asked for.
     table = spec.add_material(

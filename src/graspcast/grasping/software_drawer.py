@@ -15,7 +15,9 @@ from graspcast.raster import Canvas, Lighting, corner_normals
 __all__ = ["SoftwareDrawer"]
 
 _TILE, _TILE_LINE = (0.97, 0.97, 0.97), (0.66, 0.67, 0.68)
-_SPACING_M, _LINE_M = 0.1, 0.0008
+_SPACING_M, _LINE_M = 0.1, 0.0008  # of half a line's width
+_FARTHEST = 1e-3
+"""One over the depth at which the table ends."""
 _STEEP = 0.1
 """Light that falls flatter than this sine casts no shadow on the table."""
 
@@ -173,23 +175,29 @@ def _lay_table(
 ) -> None:
     """A white plane with lines every 100 mm, where nothing nearer has been drawn.
 
-    A line covers as much of a sample as of the square on the plane that the sample sees, so that
-    far ones fade into the white instead of flickering.
+    A line covers as much of a pixel as of the square on the plane that the pixel sees, so that far
+    ones fade into the white instead of flickering.
     """
     normal, origin = cam_T_plane[:3, 2], cam_T_plane[:3, 3]
-    rays = canvas.rays()
-    inverse_depth = rays @ (normal / (origin @ normal))
-    seen = inverse_depth > np.maximum(canvas.inverse_depth, 1e-3)
-    depth = 1 / np.where(seen, inverse_depth, np.inf)
-    at = (rays * depth[..., None] - origin) @ cam_T_plane[:3, :2]
-    across = [np.abs(np.gradient(at, axis=axis)).max(axis=-1) for axis in (0, 1)]
-    width = np.maximum(canvas.supersample * np.maximum(*across), 1e-6)[..., None]
-    off = np.abs((at / _SPACING_M + 0.5) % 1 - 0.5) * _SPACING_M
-    inside = np.minimum(off + width / 2, _LINE_M) - np.maximum(off - width / 2, -_LINE_M)
-    line = (np.clip(inside, 0, None) / width).max(axis=-1)[..., None]
+    inverse_depth = canvas.rays() @ (normal / (origin @ normal))
+    seen = inverse_depth > np.maximum(canvas.inverse_depth, _FARTHEST)
+    pixels = Canvas(canvas.K, canvas.width, canvas.height, supersample=1).rays()
+    depth = 1 / np.maximum(pixels @ (normal / (origin @ normal)), _FARTHEST)
+    x, y = np.moveaxis((pixels * depth[..., None] - origin) @ cam_T_plane[:3, :2], -1, 0)
+    steps = [np.abs(step) for at in (x, y) for step in np.gradient(at)]
+    width = np.maximum.reduce([np.full_like(x, 1e-6), *steps])
+    line = np.maximum(_line(x, width), _line(y, width))[..., None]
+    s = canvas.supersample
+    tile = ((1 - line) * _TILE + line * _TILE_LINE).repeat(s, axis=0).repeat(s, axis=1)
     light = np.full(seen.shape, emission + lighting.on(normal))
     for number, dark in shadows:
         light[dark] -= lighting.strengths[number] * max(0.0, -lighting.directions[number] @ normal)
-    colour = (1 - line) * _TILE + line * _TILE_LINE
-    canvas.colour[seen] = np.minimum(colour * light[..., None], 1.0)[seen]
+    canvas.colour[seen] = np.minimum(tile[seen] * light[seen, None], 1.0)
     canvas.inverse_depth[seen] = inverse_depth[seen]
+
+
+def _line(at: Float[ndarray, "h w"], width: Float[ndarray, "h w"]) -> Float[ndarray, "h w"]:
+    """How much of an interval of a width about a place the nearest line covers; metres."""
+    off = np.abs((at / _SPACING_M + 0.5) % 1 - 0.5) * _SPACING_M
+    inside = np.minimum(off + width / 2, _LINE_M) - np.maximum(off - width / 2, -_LINE_M)
+    return np.maximum(inside, 0.0) / width
