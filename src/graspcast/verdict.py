@@ -8,8 +8,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from operator import itemgetter
 from os import PathLike
+from pathlib import Path
 
-from graspcast.errors import InputError
+from graspcast.errors import FormatError, InputError
 from graspcast.estimates import Estimates
 from graspcast.files import write_text
 
@@ -19,6 +20,7 @@ __all__ = [
     "VerdictRow",
     "check_threshold",
     "decide",
+    "read_verdicts",
     "verdict_rows",
     "write_verdicts",
 ]
@@ -154,3 +156,37 @@ def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> Non
             ]
         )
     write_text(path, out.getvalue())
+
+
+def read_verdicts(path: str | PathLike[str]) -> list[VerdictRow]:
+    """Read what :func:`write_verdicts` wrote, in its order.
+
+    Raises:
+        FormatError: naming the line.
+    """
+    try:
+        with Path(path).open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.DictReader(stream)
+            missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
+            if missing:
+                raise FormatError(
+                    path, f"no column {', '.join(missing)}; is it what graspcast predict wrote?"
+                )
+            return [_verdict_row(row, path, f"line {reader.line_num}") for row in reader]
+    except OSError as error:
+        raise FormatError(path, f"cannot be read ({error.strerror})") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FormatError(path, f"is not a CSV file ({error})") from error
+
+
+def _verdict_row(row: dict[str, str], path: str | PathLike[str], where: str) -> VerdictRow:
+    try:
+        probability = float(row["probability"]) if row["probability"] else None
+        if probability is not None:
+            check_threshold(probability)
+        attempt = {"attempt": True, "abstain": False}[row["verdict"]]
+        scene_id, im_id, obj_id = (int(row[name]) for name in COLUMNS[:3])
+    except (InputError, KeyError, TypeError, ValueError) as error:
+        raise FormatError(path, f"is not a verdict ({error})", where=where) from error
+    verdict = Verdict(attempt, probability, row["reason"])
+    return VerdictRow(scene_id, im_id, obj_id, row["gripper"], verdict)

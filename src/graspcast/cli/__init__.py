@@ -14,6 +14,7 @@ from graspcast.cli import (
     estimate,
     evaluate,
     learn,
+    overlay,
     predict,
     promise,
     render,
@@ -47,6 +48,7 @@ def parser() -> argparse.ArgumentParser:
         campaign,
         validate,
         see,
+        overlay,
     ):
         module.add_verbs(verbs)
     return top
