@@ -46,4 +46,4 @@ def save_png(path: str | PathLike[str], image: Image) -> None:
         InputError: if the file cannot be written.
     """
     with atomic_write(path) as temporary:
-        image.save(temporary, format="PNG", optimize=True)
+        image.save(temporary, format="PNG")

@@ -57,7 +57,7 @@ def add_verbs(verbs: Verbs) -> None:
 
 
 def _overlay(options: argparse.Namespace) -> None:
-    from graspcast.overlay import overlay_sheet, overlays
+    from graspcast.overlay_sheet import overlay_sheet, overlays
     from graspcast.sheet import save_png
     from graspcast.verdict import read_verdicts
 
@@ -75,8 +75,7 @@ def _overlay(options: argparse.Namespace) -> None:
     fields = overlays(inputs.datasets[name], results, images, verdicts=verdicts, size=options.size)
     for missing in sorted(wanted - {field.object for field in fields}):
         raise InputError(f"--objects {missing}: no estimate of it in any --image")
-    columns = {"columns": len(results)} if len(results) > 1 else {}
-    save_png(options.out, overlay_sheet(fields, size=options.size, **columns))
+    save_png(options.out, overlay_sheet(fields, estimators=len(results), size=options.size))
     for text in dict.fromkeys(inputs.notes):
         note(text)
     print_text(str(options.out))
