@@ -136,15 +136,17 @@ def test_every_kind_of_geom_is_where_a_ray_meets_it(kind: str, size: str) -> Non
     origin = (np.array(eyes[0].pos) + np.array(eyes[1].pos)) / 2.0
     forward, up = np.array(eyes[0].forward), np.array(eyes[0].up)
     half = np.tan(np.radians(15.0))
-    met = np.zeros((HEIGHT, WIDTH), dtype=bool)
-    for v in range(HEIGHT):
-        for u in range(WIDTH):
+    met, rows, columns = [], range(0, HEIGHT, 2), range(0, WIDTH, 2)
+    for v in rows:
+        for u in columns:
             across = (2 * (u + 0.5) - WIDTH) / HEIGHT * half * np.cross(forward, up)
             ray = forward + across + (1 - 2 * (v + 0.5) / HEIGHT) * half * up
             at = np.zeros(1, dtype=np.int32)
-            met[v, u] = mujoco.mj_ray(model, data, origin, ray, None, 1, -1, at) >= 0
-    assert met.sum() > 300
-    assert overlap(met, ours[..., 0] > ours[..., 1] + 127) > 0.97
+            met.append(mujoco.mj_ray(model, data, origin, ray, None, 1, -1, at) >= 0)
+    hit = np.array(met).reshape(len(rows), len(columns))
+    ours = ours[::2, ::2]
+    assert hit.sum() > 200
+    assert overlap(hit, ours[..., 0] > ours[..., 1] + 127) > 0.97
 
 
 def test_what_draws_is_as_mujoco_gl_says(seen: Appearance, monkeypatch: pytest.MonkeyPatch) -> None:
