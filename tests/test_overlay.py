@@ -33,7 +33,7 @@ FAR_OFF = transform(np.eye(3), np.array([0.02, 0.03, 0.0]))
 
 def written(pixels: np.ndarray, colour: tuple[int, int, int]) -> int:
     """How many pixels are nearly of the colour of an ink."""
-    return int((np.abs(pixels.astype(int) - colour).max(axis=-1) < 60).sum())
+    return int((np.abs(pixels.astype(int) - colour).max(axis=-1) < 45).sum())
 
 
 def cube() -> tuple[Mesh, np.ndarray]:
@@ -67,7 +67,7 @@ def test_the_estimate_is_green_and_the_rest_is_the_image() -> None:
     well, around = binary_erosion(covered, iterations=2), binary_dilation(covered, iterations=4)
     np.testing.assert_array_equal(out[~around], image[~around])
     green = (out[..., 1] > out[..., 0] + 20) & (out[..., 1] > out[..., 2] + 20)
-    assert green[well].mean() > 0.95
+    assert green[well].mean() > 0.85
     # Translucent: the noise is seen through it.
     assert np.corrcoef(out[well][:, 0], image[well][:, 0])[0, 1] > 0.3
     outline = binary_dilation(covered, iterations=2) & ~covered
@@ -117,16 +117,24 @@ def test_the_picture_is_a_square_about_both(
     assert (high - low).max() < 1.4 * np.ptp(both, axis=0).max()
     green = np.argwhere((out[..., 1] > 200) & (out[..., 0] < 60))[:, ::-1]
     drawn = low + green / 200 * (high - low)
-    for reached, there in ((drawn.min(axis=0), seen[0].min(axis=0)),
-                           (drawn.max(axis=0), seen[0].max(axis=0))):  # fmt: skip
-        assert reached == pytest.approx(there, abs=6)
+    compared = 0
+    for end in (np.min, np.max):
+        there, reached = end(seen[0], axis=0), end(drawn, axis=0)
+        # At the image's border there is no outline.
+        within = (there > 10) & (there < size - 10)
+        assert reached[within] == pytest.approx(there[within], abs=6)
+        compared += within.sum()
+    assert compared >= 2
 
 
 def test_beyond_the_image_the_picture_is_white() -> None:
     mesh, colours = cube()
-    out = draw_overlay(gradient(60, 300), K, mesh, colours, near(0.05, 0.0, 0.4), size=100)
+    level = K.copy()
+    level[1, 2] = 29.5
+    out = draw_overlay(gradient(60, 300), level, mesh, colours, near(0.05, 0.0, 0.35), size=100)
     white = (out == 255).all(axis=-1)
-    assert white[:5].all() and white[-5:].all() and not white[45:55].all(axis=1).any()
+    assert white[:4].all(axis=1).any() and white[-4:].all(axis=1).any()
+    assert not white[45:55].any()
 
 
 def test_wild_estimates_are_drawn_as_far_as_they_are_seen() -> None:
@@ -214,7 +222,8 @@ def test_several_of_an_object_and_verdicts_on_each(world: Path) -> None:
     # The one true object belongs to the nearer of two estimates, or to the only one.
     assert [field.rotation_deg is None for field in fields] == [True, False, False, True]
     sheet = np.asarray(overlay_sheet(fields, estimators=2, size=64))
-    assert sheet.shape[1] == 4 * 64 + 3 * 8
+    # Captions that are wider than the pictures keep these apart.
+    assert 4 * 64 + 3 * 8 < sheet.shape[1] < 1000
     for colour, half in ((GOOD, 0), (BAD, 1)):
         mine = np.array_split(sheet, 2, axis=1)[half]
         other = np.array_split(sheet, 2, axis=1)[1 - half]
@@ -234,12 +243,12 @@ def test_the_verb_writes_a_sheet(world: Path, capsys: pytest.CaptureFixture[str]
     assert main(command(world, *more, names="ab")) == 0
     assert capsys.readouterr().out.strip() == str(world / "o.png")
     with Image.open(world / "o.png") as image:
-        assert image.width == 4 * 80 + 3 * 8
+        assert image.width > 4 * 80 + 3 * 8
         assert 2 * 80 < image.height < 4 * 80
-        assert written(np.asarray(image)[80:110], GOOD) > 10
+        assert written(np.asarray(image)[80:130], GOOD) > 10
     assert main(command(world, "--image", "1/3", "--objects", "made-5", "--size", "80")) == 0
     with Image.open(world / "o.png") as image:
-        assert image.width == 80
+        assert 80 <= image.width < 200
 
 
 @pytest.mark.parametrize(
@@ -306,8 +315,8 @@ def test_real_images_of_lmo(data_dir: Path, tmp_path: Path) -> None:
     published = data_dir / "published" / "lmo"
     names = {"epos": "epos_lmo-test.csv", "zebrapose": "zebrapose_lmo-test.csv"}
     estimates = [f"--estimates={name}={published / file}" for name, file in names.items()]
-    out = ["--size", "96", "--out", str(tmp_path / "o.png")]
+    out = ["--size", "200", "--out", str(tmp_path / "o.png")]
     bop = ["--bop", str(data_dir / "bop" / "lmo"), "--image", "2/3", "--objects", "5"]
     assert main(["overlay", *estimates, *bop, *out]) == 0
     with Image.open(tmp_path / "o.png") as image:
-        assert image.width == 2 * 96 + 8
+        assert image.width == 2 * 200 + 8

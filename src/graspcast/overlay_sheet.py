@@ -17,7 +17,7 @@ from graspcast.errors import FormatError, InputError
 from graspcast.estimates import partners, rows_in_image
 from graspcast.overlay import draw_overlay
 from graspcast.pose_error import rotation_error, translation_error
-from graspcast.sheet import BAD, FAINT, GOOD, INK, blank, write
+from graspcast.sheet import BAD, FAINT, GOOD, INK, blank, width_of, write
 from graspcast.truth import match
 from graspcast.verdict import VerdictRow
 
@@ -86,30 +86,34 @@ def overlay_sheet(fields: Sequence[Overlay], *, estimators: int = 1, size: int =
 
     font, gap = max(9, min(15, size // 20)), 8
     line = font + 5
-    lines = 2 + max((len(field.verdicts) for field in fields), default=0)
+    told = [_captions(field) for field in fields]
+    widest = max(width_of(text, font) for captions in told for text, _ in captions)
+    width, height = max(size, int(widest) + 1), size + (max(map(len, told)) + 1) * line
     columns = min(estimators * max(1, _COLUMNS // estimators), len(fields))
-    band = size + (lines + 1) * line
-    sheet, draw = blank(columns * (size + gap) - gap, -(-len(fields) // columns) * band)
-    for k, field in enumerate(fields):
-        x, y = k % columns * (size + gap), k // columns * band
+    sheet, draw = blank(columns * (width + gap) - gap, -(-len(fields) // columns) * height)
+    for k, (field, captions) in enumerate(zip(fields, told, strict=True)):
+        middle, y = k % columns * (width + gap) + width // 2, k // columns * height
+        x = middle - size // 2
         if field.pixels is None:
             draw.rectangle((x, y, x + size - 1, y + size - 1), outline=(225, 226, 228))
-            write(draw, (x + size / 2, y + size / 2), "no estimate", font, FAINT, "mm")
+            write(draw, (middle, y + size / 2), "no estimate", font, FAINT, "mm")
         else:
             sheet.paste(Pictures.fromarray(field.pixels), (x, y))
-        captions = [(f"{field.object} in {field.scene_id}/{field.im_id}, {field.estimator}", INK)]
-        if field.rotation_deg is not None and field.translation_mm is not None:
-            far = f"{field.rotation_deg:.1f}°, {field.translation_mm:.1f} mm off"
-            captions.append((far, FAINT))
-        for row in field.verdicts:
-            given = row.verdict.probability
-            told = "" if given is None else f", probability {given:.2f}"
-            colour = GOOD if row.verdict.attempt else BAD
-            captions.append((f"{row.gripper}: {row.verdict}{told}", colour))
         for number, (text, colour) in enumerate(captions):
-            at = (x + size / 2, y + size + (number + 0.6) * line)
-            write(draw, at, text, font, colour, "mm")
+            write(draw, (middle, y + size + (number + 0.6) * line), text, font, colour, "mm")
     return sheet
+
+
+def _captions(field: Overlay) -> list[tuple[str, tuple[int, int, int]]]:
+    out = [(f"{field.object} in {field.scene_id}/{field.im_id}, {field.estimator}", INK)]
+    if field.rotation_deg is not None and field.translation_mm is not None:
+        out.append((f"{field.rotation_deg:.1f}°, {field.translation_mm:.1f} mm off", FAINT))
+    for row in field.verdicts:
+        given = row.verdict.probability
+        told = "" if given is None else f", probability {given:.2f}"
+        colour = GOOD if row.verdict.attempt else BAD
+        out.append((f"{row.gripper}: {row.verdict}{told}", colour))
+    return out
 
 
 class _Drawing:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
     from PIL.ImageDraw import ImageDraw
 
-__all__ = ["BAD", "FAINT", "GOOD", "INK", "PAPER", "blank", "save_png", "write"]
+__all__ = ["BAD", "FAINT", "GOOD", "INK", "PAPER", "blank", "save_png", "width_of", "write"]
 
 INK, FAINT, GOOD, BAD = (30, 32, 36), (120, 124, 130), (20, 120, 50), (176, 40, 36)
 PAPER = (255, 255, 255)
@@ -37,6 +37,13 @@ def write(
     from PIL import ImageFont
 
     draw.text(at, text, fill=colour, font=ImageFont.load_default(size), anchor=anchor)
+
+
+def width_of(text: str, size: int) -> float:
+    """How wide a line is when it is written in a size, pixels."""
+    from PIL import ImageFont
+
+    return ImageFont.load_default(size).getlength(text)
 
 
 def save_png(path: str | PathLike[str], image: Image) -> None:
