@@ -9,8 +9,8 @@ from typing import Any, Protocol
 from jaxtyping import UInt8
 from numpy import ndarray
 
-from graspcast.errors import ExtraMissingError
-from graspcast.grasping.gl import UnavailableError, disabled, open_context
+from graspcast.errors import ExtraMissingError, InputError
+from graspcast.grasping.gl import backend, disabled, open_context
 
 __all__ = ["Drawer", "open_drawer", "why_software"]
 
@@ -52,11 +52,12 @@ def why_software() -> str | None:
 
 
 @cache
-def _tried(backend: str) -> str | None:
+def _tried(named: str) -> str | None:
     if disabled():
-        return f"the environment variable MUJOCO_GL is {backend!r}"
+        return f"the environment variable MUJOCO_GL is {named!r}"
+    backend()
     try:
         open_context(16, 16).free()
-    except (ExtraMissingError, UnavailableError) as error:
+    except (ExtraMissingError, InputError) as error:
         return str(error)
     return None

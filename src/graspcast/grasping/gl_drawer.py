@@ -20,7 +20,7 @@ class OpenGLDrawer:
 
     Raises:
         ExtraMissingError: if PyOpenGL is not installed.
-        UnavailableError: if there is no OpenGL to draw with.
+        InputError: if there is no OpenGL to draw with.
     """
 
     def __init__(self, model: Any, width: int, height: int):
