@@ -13,23 +13,23 @@ import pytest
 from commands import refused
 from graspcast.cli import main
 from graspcast.errors import InputError, UnknownNameError
-from graspcast.scorecard import score_verdicts
+from graspcast.scorecard import score_verdicts, verdict_table
+from graspcast.verdict import Verdict, VerdictRow
 
 HEADER = "scene_id,im_id,obj_id,gripper,probability,verdict,reason\n"
 
 
-def verdicts(scene: np.ndarray, attempt: np.ndarray) -> pl.DataFrame:
-    n = len(scene)
-    columns = {"scene_id": scene, "im_id": np.arange(n), "obj_id": np.full(n, 5)}
-    return pl.DataFrame({**columns, "inst_id": np.zeros(n, int)}).with_columns(
-        gripper=pl.lit("parallel"), attempt=pl.Series(attempt)
-    )
+def verdicts(scene: np.ndarray, attempt: np.ndarray, gripper: str = "hand") -> list[VerdictRow]:
+    return [
+        VerdictRow(int(s), i, 5, gripper, Verdict(bool(a), float(a), "why"))
+        for i, (s, a) in enumerate(zip(scene, attempt, strict=True))
+    ]
 
 
 def outcomes(scene: np.ndarray, success: np.ndarray, estimator: str = "a") -> pl.DataFrame:
-    table = verdicts(scene, success).drop("attempt")
+    table = verdict_table(verdicts(scene, success))
     return table.with_columns(
-        estimator=pl.lit(estimator), dataset=pl.lit("d"), success=pl.Series(success.astype(int))
+        estimator=pl.lit(estimator), dataset=pl.lit("d"), success=table["attempt"].cast(int)
     )
 
 
@@ -78,7 +78,7 @@ def test_order_of_rows_and_other_outcomes_do_not_matter() -> None:
     whole = score_verdicts(mine, theirs)
     shuffled = theirs.sample(fraction=1.0, shuffle=True, seed=1)
     more = pl.concat([shuffled, outcomes(scene, ~success, "b")])
-    assert score_verdicts(mine.reverse(), more, principal="a") == whole
+    assert score_verdicts(mine[::-1], more, principal="a") == whole
 
 
 def test_what_cannot_be_said_is_not_said() -> None:
@@ -100,10 +100,10 @@ def test_whose_outcomes_is_to_be_said() -> None:
         score_verdicts(mine, both)
     with pytest.raises(UnknownNameError, match="estimator 'c'; known: a, b"):
         score_verdicts(mine, both, principal="c")
-    with pytest.raises(UnknownNameError, match="gripper 'hand'"):
-        score_verdicts(mine.with_columns(gripper=pl.lit("hand")), both, principal="a")
+    with pytest.raises(UnknownNameError, match="gripper 'claw'"):
+        score_verdicts(verdicts(scene, attempt, "claw"), both, principal="a")
     with pytest.raises(InputError, match="no outcome is about any of the verdicts"):
-        score_verdicts(mine.with_columns(scene_id=99), both, principal="a")
+        score_verdicts(verdicts(scene + 99, attempt), both, principal="a")
 
 
 @pytest.fixture
@@ -133,23 +133,17 @@ def test_the_verb(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) 
     assert content["attempts"] == 5
 
 
-@pytest.mark.parametrize(
-    ("content", "says"),
-    [
-        ("", "verdicts.csv: is not a table of verdicts"),
-        ("a,b\n1,2\n", "no column 'scene_id'; give what predict has written"),
-        (HEADER + "1,2,5,parallel,0.5,perhaps,why\n", "row 1: an empty field, a verdict that is"),
-        (HEADER + "1,2,,parallel,0.5,attempt,why\n", "row 1: an empty field"),
-        (HEADER + "1,2,5,parallel,1.5,attempt,why\n", "a probability beyond 0 and 1"),
-        (HEADER + "1,x,5,parallel,0.5,attempt,why\n", "is not a table of verdicts"),
-    ],
-)
-def test_other_files_are_refused(
-    files: tuple[Path, Path], content: str, says: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_instances_are_numbered_in_the_order_of_the_file() -> None:
+    rows = [VerdictRow(1, 2, obj, "hand", Verdict(True, 0.5, "")) for obj in (5, 6, 5, 5)]
+    assert verdict_table(rows)["inst_id"].to_list() == [0, 0, 1, 2]
+
+
+def test_files_that_are_none(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
     said, came = files
-    said.write_text(content)
-    assert says in refused(["score", "--verdicts", str(said), "--outcomes", str(came)], capsys)
+    command = ["score", "--verdicts", str(said), "--outcomes", str(came)]
+    said.write_text("a,b\n1,2\n")
+    assert "no column scene_id" in refused(command, capsys)
     said.unlink()
-    message = refused(["score", "--verdicts", str(said), "--outcomes", str(came)], capsys)
-    assert "cannot be read" in message
+    assert "cannot be read" in refused(command, capsys)
+    said.write_text(HEADER)
+    assert "no outcome is about any of the verdicts" in refused(command, capsys)

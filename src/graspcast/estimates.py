@@ -19,7 +19,16 @@ from numpy import ndarray
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 
-__all__ = ["Estimates", "Partial", "align", "assign", "concatenate", "instance_numbers"]
+__all__ = [
+    "Estimates",
+    "Partial",
+    "align",
+    "assign",
+    "concatenate",
+    "instance_numbers",
+    "partners",
+    "rows_in_image",
+]
 
 _COLUMNS = ("dataset", "scene_id", "im_id", "obj_id", "inst_id")
 
@@ -120,6 +129,30 @@ def instance_numbers(results: Results) -> Int[ndarray, "n"]:
     return out
 
 
+def rows_in_image(results: Results, scene_id: int, im_id: int, what: str) -> Int[ndarray, "m"]:
+    """An image's rows by instance number, so that of one object's results row N is instance N.
+
+    Args:
+        results: Those of one object, or of several.
+        scene_id, im_id: The image.
+        what: Whose results they are, for the message.
+
+    Raises:
+        InputError: if there are none, listing images that have some.
+    """
+    rows = np.flatnonzero((results.scene_id == scene_id) & (results.im_id == im_id))
+    if not len(rows):
+        where = zip(results.scene_id.tolist(), results.im_id.tolist(), strict=True)
+        others = [f"{scene}/{image}" for scene, image in sorted(set(where))]
+        known = ", ".join([*others[:5], *(["…"] if len(others) > 5 else [])]) or "no image"
+        raise InputError(
+            f"{results.source}: no estimate of {what} in image {scene_id}/{im_id}; it has one in "
+            f"{known}"
+        )
+    # Stable, so that equal scores stay in the file's order.
+    return rows[np.argsort(-results.score[rows], kind="stable")]
+
+
 def assign(
     anchors: Float[ndarray, "a 3"], others: Float[ndarray, "b 3"]
 ) -> tuple[Int[ndarray, "m"], Int[ndarray, "m"]]:
@@ -167,14 +200,14 @@ def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = 
     partial: list[Partial] = []
     rows_of = [_rows_by_group(t, g) for t, g in zip(results.values(), groups, strict=True)]
     for key in np.flatnonzero(counts[first]).tolist():
-        rows = [found.get(key, []) for found in rows_of]
-        for i, partners in enumerate(_partners(rows, first, list(results.values()))):
-            if None in partners:
-                without = tuple(n for n, r in zip(names, partners, strict=True) if r is None)
+        rows = [by_key.get(key, []) for by_key in rows_of]
+        for i, found in enumerate(partners(rows, first, list(results.values()))):
+            if None in found:
+                without = tuple(n for n, r in zip(names, found, strict=True) if r is None)
                 scene, image, obj_id = keys[key].tolist()
                 partial.append(Partial(dataset, scene, image, obj_id, i, without))
             else:
-                kept.append((key, i, [r for r in partners if r is not None]))
+                kept.append((key, i, [r for r in found if r is not None]))
     if not kept:
         sizes = ", ".join(f"{name}: {len(table)} rows" for name, table in results.items())
         raise MismatchError(
@@ -205,10 +238,16 @@ def _rows_by_group(results: Results, group: ndarray) -> dict[int, list[int]]:
     return out
 
 
-def _partners(
+def partners(
     rows: list[list[int]], anchor: int, results: list[Results]
 ) -> Iterator[list[int | None]]:
-    """For each of the anchor's rows the one of every estimator, or None."""
+    """For each of the anchor's rows the one of every estimator, or None.
+
+    Args:
+        rows: For each estimator, its rows of one object in one image, by decreasing score.
+        anchor: The number of the estimator whose detections number the instances.
+        results: Each estimator's results.
+    """
     if all(len(found) <= 1 for found in rows):  # nearly always
         yield [found[0] if found else None for found in rows]
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -10,8 +11,9 @@ import polars as pl
 
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.learning.resampling import Interval, every_scene_and_draws
+from graspcast.verdict import VerdictRow
 
-__all__ = ["Scorecard", "score_verdicts"]
+__all__ = ["Scorecard", "score_verdicts", "verdict_table"]
 
 _KEYS = ("scene_id", "im_id", "obj_id", "inst_id", "gripper")
 
@@ -47,8 +49,28 @@ class Scorecard:
         return out
 
 
+def verdict_table(rows: Sequence[VerdictRow]) -> pl.DataFrame:
+    """Verdicts as a table that outcomes can be joined to.
+
+    Returns:
+        ``scene_id, im_id, obj_id, inst_id, gripper, attempt`` and ``probability`` (null where there is
+        no forecast); ``inst_id`` counts the rows of the same image, object and gripper.
+    """
+    table = pl.DataFrame(
+        [(r.scene_id, r.im_id, r.obj_id, r.gripper, r.verdict.attempt, r.verdict.probability)
+         for r in rows],
+        schema={
+            "scene_id": pl.Int64, "im_id": pl.Int64, "obj_id": pl.Int64, "gripper": pl.String,
+            "attempt": pl.Boolean, "probability": pl.Float64,
+        },
+        orient="row",
+    )  # fmt: skip
+    same = ("scene_id", "im_id", "obj_id", "gripper")
+    return table.with_columns(inst_id=pl.int_range(pl.len()).over(same))
+
+
 def score_verdicts(
-    verdicts: pl.DataFrame,
+    verdicts: Sequence[VerdictRow],
     outcomes: pl.DataFrame,
     *,
     principal: str | None = None,
@@ -62,7 +84,7 @@ def score_verdicts(
     (:mod:`graspcast.learning.resampling`), since grasps of one scene are not independent.
 
     Args:
-        verdicts: As :func:`graspcast.verdict.read_verdicts` gives them.
+        verdicts: In the order of :func:`graspcast.verdict.verdict_rows`.
         outcomes: As :func:`graspcast.outcomes.read_outcomes` gives them.
         principal: Whose outcomes; may be left out where they are of one estimator.
         dataset: Which dataset's; may be left out where they are of one.
@@ -78,10 +100,11 @@ def score_verdicts(
     ):
         outcomes = _only(outcomes, column, option, name)
     known = outcomes["gripper"].unique().sort().to_list()
-    for gripper in verdicts["gripper"].unique().sort():
+    table = verdict_table(verdicts)
+    for gripper in table["gripper"].unique().sort():
         if gripper not in known:
             raise UnknownNameError("gripper", gripper, known, hint="These have outcomes")
-    both = verdicts.join(outcomes.select(*_KEYS, "success"), on=list(_KEYS), how="inner")
+    both = table.join(outcomes.select(*_KEYS, "success"), on=list(_KEYS), how="inner")
     if not len(both):
         raise InputError("no outcome is about any of the verdicts: are they of the same images?")
     scene, numbers = np.unique(both["scene_id"].to_numpy(), return_inverse=True)

@@ -10,8 +10,6 @@ from operator import itemgetter
 from os import PathLike
 from pathlib import Path
 
-import polars as pl
-
 from graspcast.errors import FormatError, InputError
 from graspcast.estimates import Estimates
 from graspcast.files import write_text
@@ -160,42 +158,35 @@ def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> Non
     write_text(path, out.getvalue())
 
 
-def read_verdicts(path: str | PathLike[str]) -> pl.DataFrame:
-    """Read what :func:`write_verdicts` has written.
-
-    Returns:
-        ``scene_id, im_id, obj_id, inst_id, gripper, probability`` (null where there is no
-        forecast), ``attempt`` (bool) and ``reason``; ``inst_id`` counts the rows of the same image,
-        object and gripper from 0.
+def read_verdicts(path: str | PathLike[str]) -> list[VerdictRow]:
+    """Read what :func:`write_verdicts` wrote, in its order.
 
     Raises:
-        FormatError: naming the file, the column or row, and the remedy.
+        FormatError: naming the line.
     """
-    kinds = dict.fromkeys(COLUMNS[:3], pl.Int64) | {"probability": pl.Float64}
     try:
-        table = pl.read_csv(Path(path), infer_schema=False)
-        lacking = [name for name in COLUMNS if name not in table.columns]
-        if lacking:
-            raise FormatError(path, f"no column {lacking[0]!r}; give what predict has written")
-        table = table.select(pl.col(name).cast(kinds.get(name, pl.String)) for name in COLUMNS)
+        with Path(path).open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.DictReader(stream)
+            missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
+            if missing:
+                raise FormatError(
+                    path, f"no column {', '.join(missing)}; is it what graspcast predict wrote?"
+                )
+            return [_verdict_row(row, path, f"line {reader.line_num}") for row in reader]
     except OSError as error:
-        raise FormatError(path, f"cannot be read ({error.strerror or error})") from error
-    except pl.exceptions.PolarsError as error:
-        first = str(error).splitlines()[0]
-        raise FormatError(path, f"is not a table of verdicts ({first})") from error
-    bad = table.with_row_index("row").filter(
-        pl.any_horizontal(pl.col(*COLUMNS[:4]).is_null())
-        | ~pl.col("verdict").fill_null("").is_in(["attempt", "abstain"])
-        | ~pl.col("probability").fill_null(0.5).is_between(0, 1)
-    )
-    if len(bad):
-        raise FormatError(
-            path,
-            "an empty field, a verdict that is neither attempt nor abstain, or a probability "
-            "beyond 0 and 1",
-            where=f"row {bad['row'][0] + 1}",
-        )
-    return table.with_columns(
-        inst_id=pl.int_range(pl.len()).over(COLUMNS[:4]),
-        attempt=pl.col("verdict") == "attempt",
-    ).drop("verdict")
+        raise FormatError(path, f"cannot be read ({error.strerror})") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FormatError(path, f"is not a CSV file ({error})") from error
+
+
+def _verdict_row(row: dict[str, str], path: str | PathLike[str], where: str) -> VerdictRow:
+    try:
+        probability = float(row["probability"]) if row["probability"] else None
+        if probability is not None:
+            check_threshold(probability)
+        attempt = {"attempt": True, "abstain": False}[row["verdict"]]
+        scene_id, im_id, obj_id = (int(row[name]) for name in COLUMNS[:3])
+    except (InputError, KeyError, TypeError, ValueError) as error:
+        raise FormatError(path, f"is not a verdict ({error})", where=where) from error
+    verdict = Verdict(attempt, probability, row["reason"])
+    return VerdictRow(scene_id, im_id, obj_id, row["gripper"], verdict)

@@ -1,4 +1,4 @@
-"""Pictures of trials: what is on them, that drawing changes nothing, what is said without GL."""
+"""Pictures of trials: what is on them, that drawing changes nothing, what is said of it."""
 
 from __future__ import annotations
 
@@ -14,22 +14,21 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
+from PIL import Image
 from solids import IDENTITY, box, from_above
 
 from graspcast.cli import main
-from graspcast.errors import ExtraMissingError, GraspcastError, InputError
+from graspcast.errors import ExtraMissingError
 from graspcast.geometry import transform
+from graspcast.grasping.appearance import Appearance
 from graspcast.grasping.grasps import ReferenceGrasp, write_grasps
 from graspcast.grasping.grippers import load_gripper
+from graspcast.grasping.pictures import save_film, save_strip, strip_states
 from graspcast.grasping.recording import Recording, record_trial
+from graspcast.grasping.render import SceneRenderer
 from graspcast.grasping.trial import TrialRunner
 from graspcast.grasping.types import Grasp
-
-Image = pytest.importorskip("PIL.Image", reason="pillow is not installed (extra render)")
-from graspcast.grasping.appearance import Appearance  # noqa: E402
-from graspcast.grasping.pictures import save_film, save_strip, strip_states  # noqa: E402
-from graspcast.grasping.render import SceneRenderer  # noqa: E402
-from graspcast.grasping.viewer import replay  # noqa: E402
+from graspcast.grasping.viewer import replay
 
 SOURCE = Path(__file__).parents[2] / "src"
 SIZE = 96
@@ -72,11 +71,7 @@ def missed(runner: TrialRunner, grasp: Grasp) -> Recording:
 
 @pytest.fixture(scope="module")
 def renderer(runner: TrialRunner) -> Iterator[SceneRenderer]:
-    try:
-        drawing = SceneRenderer(runner.grasp_object, runner.gripper, width=SIZE, height=SIZE)
-    except GraspcastError as error:
-        pytest.skip(f"no OpenGL here: {error}")
-    with drawing:
+    with SceneRenderer(runner.grasp_object, runner.gripper, width=SIZE, height=SIZE) as drawing:
         yield drawing
 
 
@@ -281,10 +276,26 @@ def test_a_published_estimate_is_watched(
     assert "--instance 7" in capsys.readouterr().err
 
 
+def watch_elsewhere(
+    out: Path, tables: list[str], environment: dict[str, str], *before: str
+) -> subprocess.CompletedProcess[str]:
+    """Draw a strip in a process of its own, perhaps after some lines of Python."""
+    command = ["watch", "--object", "cube", "--gripper", "parallel", *tables, "--out", str(out)]
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(("MUJOCO", "PYOPENGL"))}
+    lines = ["import sys", *before, "from graspcast.cli import main", f"sys.exit(main({command}))"]
+    return subprocess.run(
+        [sys.executable, "-c", "\n".join(lines)],
+        capture_output=True,
+        text=True,
+        env=clean | {"PYTHONPATH": str(SOURCE)} | environment,
+        check=False,
+    )
+
+
 @pytest.mark.parametrize(
     ("environment", "words"),
     [
-        ({"MUJOCO_GL": "vulkan"}, ["MUJOCO_GL", "'vulkan'", "egl, osmesa"]),
+        ({"MUJOCO_GL": "disable"}, ["MUJOCO_GL is 'disable'"]),
         # A device that is not there is a real EGL that does not work.
         ({"MUJOCO_EGL_DEVICE_ID": "99"}, ["EGL", "OSMesa", "libegl1"]),
         # PyOpenGL is told to look elsewhere than OSMesa: the same as a library that is not there.
@@ -292,23 +303,35 @@ def test_a_published_estimate_is_watched(
     ],
 )
 @pytest.mark.skipif(sys.platform != "linux", reason="EGL and OSMesa are Linux's")
-def test_without_opengl_the_message_says_what_to_do(
+def test_without_opengl_it_is_drawn_in_software_and_said_why(
     tmp_path: Path, tables: list[str], environment: dict[str, str], words: list[str]
 ) -> None:
-    pytest.importorskip("OpenGL", reason="pyopengl is not installed (extra render)")
-    out = tmp_path / "a.png"
-    command = [sys.executable, "-m", "graspcast", "watch", "--object", "cube"]
-    clean = {k: v for k, v in os.environ.items() if not k.startswith(("MUJOCO", "PYOPENGL"))}
-    done = subprocess.run(
-        [*command, "--gripper", "parallel", *tables, "--out", str(out)],
-        capture_output=True,
-        text=True,
-        env=clean | {"PYTHONPATH": str(SOURCE)} | environment,
-        check=False,
-    )
-    assert done.returncode == 2, done.stderr
+    if environment != {"MUJOCO_GL": "disable"}:
+        pytest.importorskip("OpenGL", reason="pyopengl is not installed (extra render)")
+    done = watch_elsewhere(tmp_path / "a.png", tables, environment)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("drawn in software") == 1
     assert all(word in done.stderr for word in words), done.stderr
-    assert "Traceback" not in done.stderr and not out.exists()
+    with Image.open(tmp_path / "a.png") as image:
+        assert orange(np.asarray(image)) > 1000
+
+
+def test_without_pyopengl_it_is_drawn_in_software(tmp_path: Path, tables: list[str]) -> None:
+    without = "sys.modules.update(OpenGL=None, glfw=None)"
+    done = watch_elsewhere(tmp_path / "a.png", tables, {}, without)
+    assert done.returncode == 0, done.stderr
+    assert "drawn in software" in done.stderr and "graspcast[render]" in done.stderr
+    with Image.open(tmp_path / "a.png") as image:
+        assert orange(np.asarray(image)) > 1000
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="EGL and OSMesa are Linux's")
+def test_a_backend_that_nobody_knows_is_refused(tmp_path: Path, tables: list[str]) -> None:
+    done = watch_elsewhere(tmp_path / "a.png", tables, {"MUJOCO_GL": "vulkan"})
+    assert done.returncode == 2, done.stderr
+    for word in ("MUJOCO_GL", "'vulkan'", "egl, osmesa"):
+        assert word in done.stderr
+    assert "Traceback" not in done.stderr and not list(tmp_path.glob("*.png"))
 
 
 def test_without_a_display_there_is_no_viewer(
@@ -321,28 +344,17 @@ def test_without_a_display_there_is_no_viewer(
     assert "no display" in (said := capsys.readouterr().err) and ".mp4, .gif or .png" in said
 
 
-@pytest.mark.parametrize(
-    ("module", "package"), [("PIL", "pillow"), ("imageio_ffmpeg", "imageio-ffmpeg")]
-)
 def test_a_missing_extra_is_named_and_leaves_nothing_behind(
-    tmp_path: Path,
-    renderer: SceneRenderer,
-    held: Recording,
-    module: str,
-    package: str,
-    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path, renderer: SceneRenderer, held: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(ExtraMissingError, match=rf"{package}.*graspcast\[(render|video)\]"):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(ExtraMissingError, match=r"imageio-ffmpeg.*graspcast\[video\]"):
         save_film(tmp_path / "film.mp4", held, renderer, "a cube")
     assert not list(tmp_path.iterdir())
 
 
 def test_a_closed_renderer_draws_no_more(runner: TrialRunner, held: Recording) -> None:
-    try:
-        drawing = SceneRenderer(runner.grasp_object, runner.gripper, width=64, height=64)
-    except InputError as error:
-        pytest.skip(str(error))
+    drawing = SceneRenderer(runner.grasp_object, runner.gripper, width=64, height=64)
     view = drawing.close_up(held.states[0])
     drawing.close()
     drawing.close()

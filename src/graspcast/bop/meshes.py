@@ -55,8 +55,8 @@ def read_coloured_mesh(path: str | PathLike[str]) -> tuple[Mesh, UInt8[ndarray, 
     loaded = _load(path)
     mesh = _mesh(path, loaded)
     colours = np.full(mesh.vertices.shape, _GREY, dtype=np.uint8)
-    visual = getattr(loaded, "visual", None)
-    if visual is not None and visual.defined:
+    visual: Any = getattr(loaded, "visual", None)
+    if getattr(visual, "defined", False):  # a point cloud's says nothing of it
         colours[:] = (visual if visual.kind == "vertex" else visual.to_color()).vertex_colors[:, :3]
     return mesh, colours
 

@@ -15,6 +15,7 @@ from graspcast.cli import (
     estimate,
     evaluate,
     learn,
+    overlay,
     predict,
     promise,
     render,
@@ -51,6 +52,7 @@ def parser() -> argparse.ArgumentParser:
         campaign,
         validate,
         see,
+        overlay,
     ):
         module.add_verbs(verbs)
     return top

@@ -18,7 +18,8 @@ def note(text: str) -> None:
     """A remark on standard error."""
     from rich.console import Console
 
-    Console(stderr=True, soft_wrap=True, highlight=False).print(f"[dim]{text}[/dim]")
+    # Brackets are what they are: pip install 'graspcast[render]'.
+    Console(stderr=True, soft_wrap=True, highlight=False).print(text, style="dim", markup=False)
 
 
 def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

@@ -168,10 +168,11 @@ def _range(scenes: list[int]) -> list[str]:
 def _with_outcomes(verdicts: Path, trials: Path) -> pl.DataFrame:
     """Verdicts, and what came of the grasps; drawn at random, but the same each time."""
     from graspcast.outcomes import read_outcomes
+    from graspcast.scorecard import verdict_table
     from graspcast.verdict import read_verdicts
 
     keys = ["scene_id", "im_id", "obj_id", "inst_id", "gripper"]
-    both = read_verdicts(verdicts).join(read_outcomes(trials), on=keys)
+    both = verdict_table(read_verdicts(verdicts)).join(read_outcomes(trials), on=keys)
     return both.sort(keys).sample(fraction=1.0, shuffle=True, seed=_SEED)
 
 

@@ -22,8 +22,10 @@ __all__ = [
     "add_outcomes",
     "add_strange",
     "add_verb",
+    "field_size",
     "inputs_of",
     "positive",
+    "scene_and_image",
     "share",
     "write_json",
 ]
@@ -150,6 +152,21 @@ def share(text: str) -> float:
     if not 0.0 <= value <= 1.0:
         raise argparse.ArgumentTypeError(f"a number between 0 and 1 is needed, not {text!r}")
     return value
+
+
+def field_size(text: str) -> int:
+    """Pixels on a side of a sheet's field."""
+    if not text.isdigit() or not 64 <= int(text) <= 2048:
+        raise argparse.ArgumentTypeError(f"64 to 2048 pixels are needed, not {text!r}")
+    return int(text)
+
+
+def scene_and_image(text: str) -> tuple[int, int]:
+    """``SCENE/IMAGE``."""
+    parts = text.split("/")
+    if len(parts) != 2 or not all(part.isdigit() for part in parts):
+        raise argparse.ArgumentTypeError(f"SCENE/IMAGE is needed, for example 2/3, not {text!r}")
+    return int(parts[0]), int(parts[1])
 
 
 def add_strange(verb: argparse.ArgumentParser, what: str) -> None:

@@ -7,7 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from graspcast.cli.console import note, print_table, print_text, progress_bar
-from graspcast.cli.options import Verbs, add_bop, add_estimates, add_out, add_verb
+from graspcast.cli.options import (
+    Verbs,
+    add_bop,
+    add_estimates,
+    add_out,
+    add_verb,
+    field_size,
+    scene_and_image,
+)
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:
@@ -38,7 +46,10 @@ def add_verbs(verbs: Verbs) -> None:
     add_estimates(verb, required=False)
     add_bop(verb)
     verb.add_argument(
-        "--image", metavar="SCENE/IMAGE", type=_image, help="which image's estimate is to be tried"
+        "--image",
+        metavar="SCENE/IMAGE",
+        type=scene_and_image,
+        help="which image's estimate is to be tried",
     )
     verb.add_argument(
         "--instance",
@@ -85,7 +96,7 @@ def add_verbs(verbs: Verbs) -> None:
     )
     _add_tables(verb)
     verb.add_argument(
-        "--size", metavar="PIXELS", type=int, default=320, help="of a field (default: 320)"
+        "--size", metavar="PIXELS", type=field_size, default=320, help="of a field (default: 320)"
     )
     add_out(verb, "the sheet (.png)")
 
@@ -96,13 +107,6 @@ def _add_tables(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--collision", action="store_true", help="draw the collision pieces, not the mesh"
     )
-
-
-def _image(text: str) -> tuple[int, int]:
-    parts = text.split("/")
-    if len(parts) != 2 or not all(part.isdigit() for part in parts):
-        raise argparse.ArgumentTypeError(f"SCENE/IMAGE is needed, for example 2/3, not {text!r}")
-    return int(parts[0]), int(parts[1])
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -164,6 +168,7 @@ def _draw(
     from graspcast.grasping.pictures import save_film, save_strip
     from graspcast.grasping.render import SceneRenderer
 
+    _tell_drawer()
     strip = options.out.suffix.lower() == ".png"
     width, height = options.size or ((400, 480) if strip else (640, 480))
     with SceneRenderer(
@@ -178,6 +183,13 @@ def _draw(
             return
         with progress_bar("drawing") as move:
             save_film(options.out, recording, renderer, title, progress=move)
+
+
+def _tell_drawer() -> None:
+    from graspcast.grasping.drawer import why_software
+
+    if reason := why_software():
+        note(f"drawn in software; with OpenGL it would be quicker, but {reason}")
 
 
 def _bop_dirs(options: argparse.Namespace) -> dict[str, Path]:
@@ -208,9 +220,7 @@ def _estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray,
 
 
 def _read_estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray, "4 4"]:
-    import numpy as np
-
-    from graspcast.estimates import instance_numbers
+    from graspcast.estimates import rows_in_image
     from graspcast.geometry import invert
     from graspcast.inputs import load_inputs
     from graspcast.truth import match
@@ -225,28 +235,22 @@ def _read_estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[nda
     (results,) = tables.values()
     truth = inputs.datasets[dataset].ground_truth
     scene_id, im_id = options.image
-    rows = np.flatnonzero((results.scene_id == scene_id) & (results.im_id == im_id))
-    if dataset != entry.dataset or not len(rows):
-        where = zip(results.scene_id.tolist(), results.im_id.tolist(), strict=True)
-        others = [f"{scene}/{image}" for scene, image in sorted(set(where))]
-        known = ", ".join([*others[:5], *(["…"] if len(others) > 5 else [])]) or "no image"
-        raise InputError(
-            f"{results.source}: no estimate of {name} in image {scene_id}/{im_id}; it has one in "
-            f"{known}"
-        )
-    row = rows[instance_numbers(results)[rows] == options.instance]
-    if not len(row):
+    if dataset != entry.dataset:
+        raise InputError(f"{results.source}: estimates of {dataset}, of which {name} is none")
+    rows = rows_in_image(results, scene_id, im_id, name)
+    if not 0 <= options.instance < len(rows):
         raise InputError(
             f"--instance {options.instance}: image {scene_id}/{im_id} has {len(rows)} of {name}, "
             "counted from 0"
         )
-    matched = match(results, truth)[row[0]]
+    row = rows[options.instance]
+    matched = match(results, truth)[row]
     if matched < 0:
         raise InputError(
             f"{truth.source}: no ground truth for {name} in image {scene_id}/{im_id}, instance "
             f"{options.instance}"
         )
-    pose: Any = invert(truth.cam_T_obj[matched]) @ results.cam_T_obj[row[0]]
+    pose: Any = invert(truth.cam_T_obj[matched]) @ results.cam_T_obj[row]
     return pose
 
 
@@ -261,11 +265,10 @@ def _grasps(options: argparse.Namespace) -> None:
 
     if options.out.suffix.lower() != ".png":
         raise InputError(f"{options.out}: a contact sheet is drawn to .png")
-    if not 64 <= options.size <= 2048:
-        raise InputError(f"--size {options.size}: give 64 to 2048 pixels")
     catalogue = read_catalogue(options.catalogue)
     entries = [catalogue[name] for name in options.objects or catalogue]
     grippers = [load_gripper(name) for name in options.gripper or GRIPPERS]
+    _tell_drawer()
     with progress_bar("drawing") as move:
         cells = draw_cells(
             entries,

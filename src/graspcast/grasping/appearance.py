@@ -126,12 +126,12 @@ def _model(
         rgb1=_WHITE,
         rgb2=_WHITE,
         markrgb=_LINE,
-        width=256,
-        height=256,
+        width=128,
+        height=128,
     )
-    # Lines every 100 mm.
+    # Lines every 100 mm: MuJoCo lays half as many textures on a metre of a plane as are asked for.
     table = spec.add_material(
-        name="table", texrepeat=(10, 10), texuniform=True, specular=0, emission=0.12
+        name="table", texrepeat=(20, 20), texuniform=True, specular=0, emission=0.12
     )
     table.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
     spec.worldbody.add_geom(

@@ -16,19 +16,11 @@ from graspcast.grasping.catalogue import Catalogue, ObjectEntry
 from graspcast.grasping.grasps import GraspTable
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.objects import BopDirectories, load_object
-from graspcast.grasping.pictures import (
-    FAINT,
-    INK,
-    PAPER,
-    describe,
-    pillow,
-    save_png,
-    write,
-    write_outcome,
-)
+from graspcast.grasping.pictures import describe, write_outcome
 from graspcast.grasping.recording import record_trial
 from graspcast.grasping.render import SceneRenderer
 from graspcast.grasping.trial import Outcome, TrialRunner
+from graspcast.sheet import FAINT, INK, blank, save_png, write
 
 __all__ = ["Cell", "draw_cells", "save_sheet"]
 
@@ -118,16 +110,15 @@ def save_sheet(
         columns: Objects in a row.
 
     Raises:
-        ExtraMissingError: if Pillow is not installed.
         InputError: if the file cannot be written.
     """
-    image_module, draw_module = pillow()
+    from PIL import Image
+
     columns = min(columns, len(objects))
     bands = -(-len(objects) // columns)
     head, foot, gap, side = 34, 26, 22, 40
     band = head + len(grippers) * (size + foot) + gap
-    sheet = image_module.new("RGB", (side + columns * (size + 8), bands * band), PAPER)
-    draw = draw_module.Draw(sheet)
+    sheet, draw = blank(side + columns * (size + 8), bands * band)
     for k, (name, label) in enumerate(objects):
         x, y = side + (k % columns) * (size + 8), (k // columns) * band
         write(draw, (x + size // 2, y + head // 2), f"{label}  ({name})", 18, INK, "mm")
@@ -140,7 +131,7 @@ def save_sheet(
                 draw.rectangle((x, top, x + size - 1, top + size - 1), outline=(225, 226, 228))
                 write(draw, (x + size // 2, top + size // 2), cell.note, 15, FAINT, "mm")
                 continue
-            sheet.paste(image_module.fromarray(cell.pixels), (x, top))
+            sheet.paste(Image.fromarray(cell.pixels), (x, top))
             at = (x + size // 2, top + size + foot // 2 - 2)
             if cell.outcome is not None:
                 write_outcome(draw, at, cell.outcome, 15, "mm")
@@ -150,8 +141,7 @@ def save_sheet(
 
 
 def _sideways(sheet: Any, middle: tuple[int, int], text: str) -> None:
-    image_module, draw_module = pillow()
-    label = image_module.new("RGB", (240, 28), PAPER)
-    write(draw_module.Draw(label), (120, 14), text, 18, INK, "mm")
+    label, draw = blank(240, 28)
+    write(draw, (120, 14), text, 18, INK, "mm")
     turned = label.rotate(90, expand=True)
     sheet.paste(turned, (middle[0] - turned.width // 2, middle[1] - turned.height // 2))

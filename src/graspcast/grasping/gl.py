@@ -10,9 +10,15 @@ from typing import Any
 
 from graspcast.errors import ExtraMissingError, InputError
 
-__all__ = ["import_mujoco", "open_context"]
+__all__ = ["backend", "disabled", "import_mujoco", "open_context"]
 
 _BACKENDS = ("egl", "osmesa", "glfw")
+_NONE = ("disable", "disabled", "off", "false", "0")  # MuJoCo's own words
+
+
+def disabled() -> bool:
+    """Whether ``MUJOCO_GL`` says that there shall be no OpenGL."""
+    return os.environ.get("MUJOCO_GL", "").strip().lower() in _NONE
 
 
 def import_mujoco() -> None:
@@ -33,8 +39,12 @@ def import_mujoco() -> None:
             os.environ["MUJOCO_GL"] = before
 
 
-def _backend() -> str:
-    """On Linux what ``MUJOCO_GL`` says, or EGL; elsewhere ``""``, where MuJoCo has its own."""
+def backend() -> str:
+    """On Linux what ``MUJOCO_GL`` says, or EGL; elsewhere ``""``, where MuJoCo has its own.
+
+    Raises:
+        InputError: if ``MUJOCO_GL`` names no backend.
+    """
     if platform.system() != "Linux":
         return ""
     name = os.environ.get("MUJOCO_GL", "").strip().lower() or "egl"
@@ -53,7 +63,7 @@ def open_context(width: int, height: int) -> Any:
         ExtraMissingError: if PyOpenGL is not installed, or GLFW where it is needed.
         InputError: if there is no OpenGL to draw with; the message says what to install.
     """
-    name = _backend()
+    name = backend()
     try:
         if name == "egl":
             from mujoco.egl import GLContext
@@ -79,7 +89,7 @@ def open_context(width: int, height: int) -> Any:
             else "is there a graphics driver?"
         )
         raise InputError(
-            f"cannot draw: OpenGL{' by ' + name.upper() if name else ''} does not work here "
+            f"OpenGL{' by ' + name.upper() if name else ''} does not work here "
             f"({type(error).__name__}: {error}); {remedy}"
         ) from error
     return context

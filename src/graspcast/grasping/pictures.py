@@ -16,6 +16,7 @@ from graspcast.files import atomic_write
 from graspcast.grasping.recording import Recording, State
 from graspcast.grasping.render import SceneRenderer
 from graspcast.grasping.trial import Outcome
+from graspcast.sheet import BAD, FAINT, GOOD, INK, blank, save_png, write
 
 __all__ = ["describe", "endings", "save_film", "save_strip", "strip_states"]
 
@@ -23,8 +24,6 @@ Progress = Callable[[float], None]
 _FPS = {".mp4": 25.0, ".gif": 12.5}
 _LINGER_S = 1.0
 _LIFTED_M = 0.05
-INK, FAINT, _GOOD, _BAD = (30, 32, 36), (120, 124, 130), (20, 120, 50), (176, 40, 36)
-PAPER = (255, 255, 255)
 
 
 def endings() -> tuple[str, ...]:
@@ -62,18 +61,17 @@ def save_strip(
     """A PNG of the moments of :func:`strip_states` side by side, and the outcome.
 
     Raises:
-        ExtraMissingError: if Pillow is not installed.
         InputError: if the file cannot be written.
     """
-    image_module, draw_module = pillow()
+    from PIL import Image
+
     views = dict(zip(map(id, recording.states), renderer.views(recording), strict=True))
     moments = strip_states(recording)
     width, height, line = renderer.width, renderer.height, 26
-    sheet = image_module.new("RGB", (width * len(moments), height + 3 * line), PAPER)
-    draw = draw_module.Draw(sheet)
+    sheet, draw = blank(width * len(moments), height + 3 * line)
     for k, (name, state) in enumerate(moments):
         pixels = renderer.image(state, views[id(state)], recording.overlay(state))
-        sheet.paste(image_module.fromarray(pixels), (k * width, 2 * line))
+        sheet.paste(Image.fromarray(pixels), (k * width, 2 * line))
         write(draw, (k * width + width // 2, 2 * line + height + line // 2), name, 16, FAINT, "mm")
     write(draw, (10, line // 2), title, 17, INK, "lm")
     write_outcome(draw, (10, line + line // 2), recording.outcome, 17, "lm")
@@ -90,12 +88,11 @@ def save_film(
     """A film in real time, MP4 or GIF by the ending, that lingers on the last picture.
 
     Raises:
-        ExtraMissingError: if Pillow, or for MP4 the encoder, is not installed.
+        ExtraMissingError: if for MP4 the encoder is not installed.
         InputError: if the file cannot be written.
     """
     ending = Path(path).suffix.lower()
     fps = _FPS[ending]
-    pillow()
     views = dict(zip(map(id, recording.states), renderer.views(recording), strict=True))
     states = recording.every(1.0 / fps)
 
@@ -113,32 +110,17 @@ def save_film(
         (_write_mp4 if ending == ".mp4" else _write_gif)(temporary, frames(), size, fps)
 
 
-def pillow() -> tuple[Any, Any]:
-    try:
-        from PIL import Image, ImageDraw
-    except ImportError as error:
-        raise ExtraMissingError("pillow", "render") from error
-    return Image, ImageDraw
-
-
-def write(
-    draw: Any, at: tuple[int, int], text: str, size: int, colour: tuple[int, ...], anchor: str
-) -> None:
-    from PIL import ImageFont
-
-    draw.text(at, text, fill=colour, font=ImageFont.load_default(size), anchor=anchor)
-
-
 def write_outcome(draw: Any, at: tuple[int, int], outcome: Outcome, size: int, anchor: str) -> None:
-    write(draw, at, describe(outcome), size, _GOOD if outcome.success else _BAD, anchor)
+    write(draw, at, describe(outcome), size, GOOD if outcome.success else BAD, anchor)
 
 
 def _captioned(
     pixels: UInt8[ndarray, "h w 3"], title: str, phase: str, outcome: Outcome | None
 ) -> UInt8[ndarray, "h w 3"]:
-    image_module, draw_module = pillow()
-    image = image_module.fromarray(pixels)
-    draw = draw_module.Draw(image)
+    from PIL import Image, ImageDraw
+
+    image = Image.fromarray(pixels)
+    draw = ImageDraw.Draw(image)
     write(draw, (10, 16), title, 15, INK, "lm")
     if outcome is None:
         write(draw, (10, 38), phase, 15, FAINT, "lm")
@@ -147,21 +129,14 @@ def _captioned(
     return np.asarray(image)
 
 
-def save_png(path: str | PathLike[str], image: Any) -> None:
-    with atomic_write(path) as temporary:
-        image.save(temporary, format="PNG", optimize=True)
-
-
 def _write_gif(
     path: Path, frames: Iterator[UInt8[ndarray, "h w 3"]], size: tuple[int, int], fps: float
 ) -> None:
-    image_module, _ = pillow()
+    from PIL import Image
+
     # One palette for all frames, so that a still background stays still.
-    first = image_module.fromarray(next(frames)).quantize(128, dither=image_module.Dither.NONE)
-    rest = (
-        image_module.fromarray(f).quantize(palette=first, dither=image_module.Dither.NONE)
-        for f in frames
-    )
+    first = Image.fromarray(next(frames)).quantize(128, dither=Image.Dither.NONE)
+    rest = (Image.fromarray(f).quantize(palette=first, dither=Image.Dither.NONE) for f in frames)
     first.save(
         path,
         format="GIF",

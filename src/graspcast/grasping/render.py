@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -11,7 +10,7 @@ from numpy import ndarray
 
 from graspcast.geometry import transform_points
 from graspcast.grasping.appearance import FOVY_DEG, Appearance
-from graspcast.grasping.gl import open_context
+from graspcast.grasping.drawer import Drawer, open_drawer
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.recording import Recording, State
 from graspcast.grasping.types import GraspObject
@@ -34,7 +33,9 @@ class View:
 class SceneRenderer:
     """Draws states of trials of one object with one gripper.
 
-    Use it in one thread, and as a context manager.
+    By OpenGL, or in software where there is none
+    (:func:`graspcast.grasping.drawer.why_software`). Use it in one thread, and as a context
+    manager.
 
     Args:
         grasp_object: The object; without a mesh its collision pieces are drawn.
@@ -43,8 +44,7 @@ class SceneRenderer:
         collision: Draw the collision pieces in place of the mesh.
 
     Raises:
-        ExtraMissingError: if PyOpenGL is not installed.
-        InputError: if there is no OpenGL to draw with.
+        InputError: if ``MUJOCO_GL`` names no backend of OpenGL.
     """
 
     def __init__(
@@ -56,8 +56,7 @@ class SceneRenderer:
         height: int = 480,
         collision: bool = False,
     ):
-        self._context: Any = None
-        self._mjr: Any = None
+        self._drawer: Drawer | None = None
         import mujoco
 
         self.width, self.height = width, height
@@ -65,10 +64,8 @@ class SceneRenderer:
         self._seen = Appearance(
             grasp_object, gripper, collision=collision, width=width, height=height
         )
-        self._context = open_context(width, height)
         self._scene = mujoco.MjvScene(self._seen.model, maxgeom=2000)
-        self._mjr = mujoco.MjrContext(self._seen.model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr)
+        self._drawer = open_drawer(self._seen.model, width, height)
 
     def image(
         self, state: State, view: View, sim_T_est: Float[ndarray, "4 4"] | None = None
@@ -76,7 +73,7 @@ class SceneRenderer:
         """A picture of a state; with the estimate laid over it where one is given."""
         import mujoco
 
-        if self._mjr is None:
+        if self._drawer is None:
             raise ValueError("this renderer is closed")
         seen = self._seen
         seen.pose(state, sim_T_est)
@@ -87,12 +84,7 @@ class SceneRenderer:
         mujoco.mjv_updateScene(
             seen.model, seen.data, option, None, camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene
         )
-        self._context.make_current()
-        area = mujoco.MjrRect(0, 0, self.width, self.height)
-        mujoco.mjr_render(area, self._scene, self._mjr)
-        pixels = np.empty((self.height, self.width, 3), dtype=np.uint8)
-        mujoco.mjr_readPixels(pixels, None, area, self._mjr)
-        return pixels[::-1].copy()
+        return self._drawer.draw(self._scene)
 
     def views(self, recording: Recording) -> list[View]:
         """One view for each state: still until the lift, then it follows the hand.
@@ -130,12 +122,10 @@ class SceneRenderer:
         return self._frame(np.concatenate(points), azimuth, elevation)
 
     def close(self) -> None:
-        """Free what is held on the graphics card."""
-        if self._mjr is not None:
-            self._context.make_current()
-            self._mjr.free()
-            self._context.free()
-        self._context = self._mjr = None
+        """Free what is held on the graphics card, if anything."""
+        if self._drawer is not None:
+            self._drawer.close()
+        self._drawer = None
 
     def __enter__(self) -> SceneRenderer:
         return self

@@ -1,0 +1,63 @@
+"""What draws MuJoCo's scenes: OpenGL where there is any, else software."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from typing import Any, Protocol
+
+from jaxtyping import UInt8
+from numpy import ndarray
+
+from graspcast.errors import ExtraMissingError, InputError
+from graspcast.grasping.gl import backend, disabled, open_context
+
+__all__ = ["Drawer", "open_drawer", "why_software"]
+
+
+class Drawer(Protocol):
+    """Draws scenes of one model in pictures of one size."""
+
+    def draw(self, scene: Any) -> UInt8[ndarray, "h w 3"]:
+        """A picture of an ``MjvScene`` that has been updated."""
+        ...
+
+    def close(self) -> None:
+        """Free what is held outside Python."""
+        ...
+
+
+def open_drawer(model: Any, width: int, height: int) -> Drawer:
+    """A drawer for scenes of a model (``MjModel``).
+
+    Raises:
+        InputError: if ``MUJOCO_GL`` names no backend.
+    """
+    if why_software() is None:
+        from graspcast.grasping.gl_drawer import OpenGLDrawer
+
+        return OpenGLDrawer(model, width, height)
+    from graspcast.grasping.software_drawer import SoftwareDrawer
+
+    return SoftwareDrawer(model, width, height)
+
+
+def why_software() -> str | None:
+    """Why there is no drawing by OpenGL here, and how to get it; None where there is.
+
+    Raises:
+        InputError: if ``MUJOCO_GL`` names no backend.
+    """
+    return _tried(os.environ.get("MUJOCO_GL", ""))
+
+
+@cache
+def _tried(named: str) -> str | None:
+    if disabled():
+        return f"the environment variable MUJOCO_GL is {named!r}"
+    backend()
+    try:
+        open_context(16, 16).free()
+    except (ExtraMissingError, InputError) as error:
+        return str(error)
+    return None

@@ -1,0 +1,95 @@
+"""An estimate drawn on the image that it was made from (the paper's Figure 1)."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, UInt8
+from numpy import ndarray
+
+from graspcast.bop.meshes import Mesh
+from graspcast.geometry import transform_points
+from graspcast.raster import Canvas
+
+__all__ = ["draw_overlay"]
+
+_GREEN, _EDGE, _ALPHA = (0.12, 0.85, 0.30), (0.0, 0.9, 0.2), 0.45
+_MARGIN = 1.25
+_LEAST_PIXELS = 48.0
+_NEAR_M = 0.02
+
+
+def draw_overlay(
+    image: UInt8[ndarray, "h w 3"],
+    K: Float[ndarray, "3 3"],
+    mesh: Mesh,
+    colours: UInt8[ndarray, "v 3"],
+    cam_T_est: Float[ndarray, "4 4"],
+    cam_T_true: Float[ndarray, "4 4"] | None = None,
+    *,
+    size: int = 320,
+) -> UInt8[ndarray, "size size 3"]:
+    """A square cut out of an image about an object: its true pose solid, the estimate green.
+
+    Args:
+        image, K: The image and its camera's intrinsics, pixels.
+        mesh, colours: The object, and the RGB of each vertex.
+        cam_T_est: The estimate, laid over everything, with an outline.
+        cam_T_true: The true pose, where it is known.
+        size: Pixels on a side of what comes out.
+    """
+    poses = [cam_T_est] if cam_T_true is None else [cam_T_est, cam_T_true]
+    seen = [transform_points(pose, mesh.vertices) for pose in poses]
+    left, top, side = _window(np.concatenate(seen), K, image.shape[1], image.shape[0])
+    scale = size / side
+    # From the middle of the image's first pixel to the corner of the window, and back to a middle.
+    zoomed = np.diag([scale, scale, 1.0]) @ K
+    zoomed[:2, 2] = scale * (K[:2, 2] + 0.5 - [left, top]) - 0.5
+    picture = _cut(image, left, top, side, size)
+    if cam_T_true is not None:
+        canvas = Canvas(zoomed, size, size, background=picture)
+        canvas.draw(seen[1], mesh.faces, colours / 255)
+        picture = canvas.image()
+    canvas = Canvas(zoomed, size, size, background=picture)
+    canvas.draw(seen[0], mesh.faces, _GREEN, alpha=_ALPHA)
+    from scipy.ndimage import binary_dilation
+
+    inside = canvas.silhouette(seen[0], mesh.faces)
+    if inside.any():
+        wide = canvas.supersample * max(1, round(size / 160))
+        canvas.colour[binary_dilation(inside, iterations=wide) & ~inside] = _EDGE
+    return canvas.image()
+
+
+def _window(
+    points: Float[ndarray, "n 3"], K: Float[ndarray, "3 3"], width: int, height: int
+) -> tuple[float, float, float]:
+    """Left, top and side of a square about what is seen of points, in pixels from the border."""
+    points = points[points[:, 2] > _NEAR_M]
+    pixels = points @ K.T
+    limit = np.array([width, height])
+    # A wild estimate shall not shrink the image to a stamp.
+    at = np.clip(pixels[:, :2] / pixels[:, 2:] + 0.5, 0, limit)
+    if not len(at):
+        at = np.stack([np.zeros(2), limit])
+    low, high = at.min(axis=0), at.max(axis=0)
+    side = float(np.clip(_MARGIN * (high - low).max(), _LEAST_PIXELS, max(width, height)))
+    corner = (low + high - side) / 2
+    inside = np.clip(corner, 0, np.maximum(limit - side, 0))
+    # What is wider than the image keeps its middle there.
+    corner = np.where(limit >= side, inside, (limit - side) / 2)
+    return float(corner[0]), float(corner[1]), side
+
+
+def _cut(
+    image: UInt8[ndarray, "h w 3"], left: float, top: float, side: float, size: int
+) -> UInt8[ndarray, "size size 3"]:
+    """A square of an image, resampled; white beyond its border."""
+    from PIL import Image
+
+    height, width = image.shape[:2]
+    pad = int(np.ceil(max(0.0, -left, -top, left + side - width, top + side - height)))
+    padded = np.pad(image, ((pad, pad), (pad, pad), (0, 0)), constant_values=255)
+    box = (left + pad, top + pad, left + pad + side, top + pad + side)
+    return np.asarray(
+        Image.fromarray(padded).resize((size, size), Image.Resampling.BICUBIC, box=box)
+    )

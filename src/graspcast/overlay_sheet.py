@@ -1,0 +1,233 @@
+"""Sheets of estimates on their images, with errors and verdicts below."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float, UInt8
+from numpy import ndarray
+
+from graspcast.bop.dataset import BopDataset, GroundTruth
+from graspcast.bop.meshes import Mesh, read_coloured_mesh
+from graspcast.bop.results import Results
+from graspcast.errors import FormatError, InputError
+from graspcast.estimates import partners, rows_in_image
+from graspcast.overlay import draw_overlay
+from graspcast.pose_error import rotation_error, translation_error
+from graspcast.sheet import BAD, FAINT, GOOD, INK, blank, width_of, write
+from graspcast.truth import match
+from graspcast.verdict import VerdictRow
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+__all__ = ["Overlay", "overlay_sheet", "overlays"]
+
+_COLUMNS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """One estimate on its image.
+
+    Attributes:
+        object: For example ``"lmo-5"``.
+        scene_id, im_id: The image.
+        estimator: Whose estimate it is.
+        pixels: The picture; None if the estimator has no estimate of the instance.
+        rotation_deg, translation_mm: How far off the estimate is, symmetries taken into account;
+            None without a ground truth.
+        verdicts: What was decided on it, for each gripper.
+    """
+
+    object: str
+    scene_id: int
+    im_id: int
+    estimator: str
+    pixels: UInt8[ndarray, "size size 3"] | None
+    rotation_deg: float | None = None
+    translation_mm: float | None = None
+    verdicts: tuple[VerdictRow, ...] = ()
+
+
+def overlays(
+    dataset: BopDataset,
+    results: Mapping[str, Results],
+    images: Sequence[tuple[int, int]],
+    *,
+    verdicts: Sequence[VerdictRow] | None = None,
+    size: int = 320,
+) -> list[Overlay]:
+    """Every estimate in some images: image by image, object by object, estimators side by side.
+
+    The first estimator's detections of an object, by decreasing score, are its instances; the
+    others' are assigned to them as in :func:`graspcast.estimates.align`.
+
+    Args:
+        dataset: Images, cameras, models, and ground truth if there is one.
+        results: Estimator's name to its results of the wanted objects.
+        images: (scene, image).
+        verdicts: On the first estimator's estimates, all instances in order.
+        size: Pixels on a side of a picture.
+
+    Raises:
+        InputError: for an image without an estimate, or an estimate without its verdict.
+        FormatError: for an image or a mesh that cannot be read.
+    """
+    return _Drawing(dataset, results, verdicts, size).of(images)
+
+
+def overlay_sheet(fields: Sequence[Overlay], *, estimators: int = 1, size: int = 320) -> Image:
+    """Overlays with their captions; those of one instance, by so many estimators, side by side."""
+    from PIL import Image as Pictures
+
+    font, gap = max(9, min(15, size // 20)), 8
+    line = font + 5
+    told = [_captions(field) for field in fields]
+    widest = max(width_of(text, font) for captions in told for text, _ in captions)
+    width, height = max(size, int(widest) + 1), size + (max(map(len, told)) + 1) * line
+    columns = min(estimators * max(1, _COLUMNS // estimators), len(fields))
+    sheet, draw = blank(columns * (width + gap) - gap, -(-len(fields) // columns) * height)
+    for k, (field, captions) in enumerate(zip(fields, told, strict=True)):
+        middle, y = k % columns * (width + gap) + width // 2, k // columns * height
+        x = middle - size // 2
+        if field.pixels is None:
+            draw.rectangle((x, y, x + size - 1, y + size - 1), outline=(225, 226, 228))
+            write(draw, (middle, y + size / 2), "no estimate", font, FAINT, "mm")
+        else:
+            sheet.paste(Pictures.fromarray(field.pixels), (x, y))
+        for number, (text, colour) in enumerate(captions):
+            write(draw, (middle, y + size + (number + 0.6) * line), text, font, colour, "mm")
+    return sheet
+
+
+def _captions(field: Overlay) -> list[tuple[str, tuple[int, int, int]]]:
+    out = [(f"{field.object} in {field.scene_id}/{field.im_id}, {field.estimator}", INK)]
+    if field.rotation_deg is not None and field.translation_mm is not None:
+        out.append((f"{field.rotation_deg:.1f}°, {field.translation_mm:.1f} mm off", FAINT))
+    for row in field.verdicts:
+        given = row.verdict.probability
+        told = "" if given is None else f", probability {given:.2f}"
+        colour = GOOD if row.verdict.attempt else BAD
+        out.append((f"{row.gripper}: {row.verdict}{told}", colour))
+    return out
+
+
+class _Drawing:
+    """What all fields of a sheet have in common."""
+
+    def __init__(
+        self,
+        dataset: BopDataset,
+        results: Mapping[str, Results],
+        verdicts: Sequence[VerdictRow] | None,
+        size: int,
+    ):
+        self.dataset, self.results, self.size = dataset, results, size
+        self.truth = _truth(dataset)
+        self.matched = (
+            None if self.truth is None else [match(table, self.truth) for table in results.values()]
+        )
+        self.verdicts: dict[tuple[int, int, int], dict[str, list[VerdictRow]]] | None = None
+        if verdicts is not None:
+            self.verdicts = {}
+            for row in verdicts:
+                key = (row.scene_id, row.im_id, row.obj_id)
+                of_object = self.verdicts.setdefault(key, {})
+                of_object.setdefault(row.gripper, []).append(row)
+        self._meshes: dict[int, tuple[Mesh, UInt8[ndarray, "v 3"]]] = {}
+
+    def of(self, images: Sequence[tuple[int, int]]) -> list[Overlay]:
+        out: list[Overlay] = []
+        tables = list(self.results.values())
+        for image in images:
+            found: list[list[int]] = []
+            missing: InputError | None = None
+            for table in tables:
+                try:
+                    found.append(rows_in_image(table, *image, self.dataset.name).tolist())
+                except InputError as error:
+                    missing = missing or error
+                    found.append([])
+            if missing is not None and not any(found):
+                raise missing
+            pairs = zip(tables, found, strict=True)
+            present = {int(table.obj_id[row]) for table, rows in pairs for row in rows}
+            for obj_id in sorted(present):
+                mine = [
+                    [row for row in rows if table.obj_id[row] == obj_id]
+                    for table, rows in zip(tables, found, strict=True)
+                ]
+                anchor = next(k for k, rows in enumerate(mine) if rows)
+                for instance, row in enumerate(partners(mine, anchor, tables)):
+                    out += [
+                        self._field(image, obj_id, instance, number, chosen)
+                        for number, chosen in enumerate(row)
+                    ]
+        return out
+
+    def _field(
+        self, image: tuple[int, int], obj_id: int, instance: int, number: int, row: int | None
+    ) -> Overlay:
+        name, estimator = f"{self.dataset.name}-{obj_id}", list(self.results)[number]
+        if row is None:
+            return Overlay(name, *image, estimator, None)
+        cam_T_est = self.results[estimator].cam_T_obj[row]
+        cam_T_true = rotation_deg = translation_mm = None
+        if self.truth is not None and self.matched is not None:
+            true_row = self.matched[number][row]
+            if true_row >= 0:
+                cam_T_true = self.truth.cam_T_obj[true_row]
+                rotation_deg, translation_mm = self._off(obj_id, cam_T_est, cam_T_true)
+        pixels = draw_overlay(
+            self.dataset.image(*image),
+            self.dataset.camera_of(*image).K,
+            *self._mesh(obj_id),
+            cam_T_est,
+            cam_T_true,
+            size=self.size,
+        )
+        verdicts = self._verdicts(name, (*image, obj_id), instance) if number == 0 else ()
+        return Overlay(name, *image, estimator, pixels, rotation_deg, translation_mm, verdicts)
+
+    def _off(
+        self, obj_id: int, cam_T_est: Float[ndarray, "4 4"], cam_T_true: Float[ndarray, "4 4"]
+    ) -> tuple[float, float]:
+        pair = cam_T_est[None], cam_T_true[None]
+        rotation = rotation_error(*pair, self.dataset.models[obj_id].symmetries)
+        return float(np.degrees(rotation[0])), float(1000 * translation_error(*pair)[0])
+
+    def _verdicts(
+        self, name: str, key: tuple[int, int, int], instance: int
+    ) -> tuple[VerdictRow, ...]:
+        if self.verdicts is None:
+            return ()
+        rows = [rows[instance : instance + 1] for rows in self.verdicts.get(key, {}).values()]
+        if not any(rows):
+            raise InputError(
+                f"no verdict on instance {instance} of {name} in image {key[0]}/{key[1]}; are the "
+                f"verdicts on the estimates by {next(iter(self.results))}, which come first?"
+            )
+        return tuple(row for found in rows for row in found)
+
+    def _mesh(self, obj_id: int) -> tuple[Mesh, UInt8[ndarray, "v 3"]]:
+        if obj_id not in self._meshes:
+            self.dataset.models[obj_id]
+            file = f"obj_{obj_id:06d}.ply"
+            # Models for evaluation have no colours.
+            path = self.dataset.root / "models" / file
+            path = path if path.is_file() else self.dataset.models.directory / file
+            self._meshes[obj_id] = read_coloured_mesh(path)
+            if not len(self._meshes[obj_id][0].faces):
+                raise FormatError(path, "has no faces, only points, so it cannot be drawn")
+        return self._meshes[obj_id]
+
+
+def _truth(dataset: BopDataset) -> GroundTruth | None:
+    """None where the split has no ``scene_gt.json`` at all, as test images may have none."""
+    if not any(dataset.scenes.glob("*/scene_gt.json")):
+        return None
+    return dataset.ground_truth

@@ -1,0 +1,56 @@
+"""Sheets of pictures and captions: paper, ink, and PNG files."""
+
+from __future__ import annotations
+
+from os import PathLike
+from typing import TYPE_CHECKING
+
+from graspcast.files import atomic_write
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+    from PIL.ImageDraw import ImageDraw
+
+__all__ = ["BAD", "FAINT", "GOOD", "INK", "PAPER", "blank", "save_png", "width_of", "write"]
+
+INK, FAINT, GOOD, BAD = (30, 32, 36), (120, 124, 130), (20, 120, 50), (176, 40, 36)
+PAPER = (255, 255, 255)
+
+
+def blank(width: int, height: int) -> tuple[Image, ImageDraw]:
+    """White paper, and what draws on it."""
+    from PIL import Image, ImageDraw
+
+    paper = Image.new("RGB", (width, height), PAPER)
+    return paper, ImageDraw.Draw(paper)
+
+
+def write(
+    draw: ImageDraw,
+    at: tuple[float, float],
+    text: str,
+    size: int,
+    colour: tuple[int, int, int],
+    anchor: str,
+) -> None:
+    """Write a line; ``anchor`` is Pillow's, for example ``"lm"`` for the left end's middle."""
+    from PIL import ImageFont
+
+    draw.text(at, text, fill=colour, font=ImageFont.load_default(size), anchor=anchor)
+
+
+def width_of(text: str, size: int) -> float:
+    """How wide a line is when it is written in a size, pixels."""
+    from PIL import ImageFont
+
+    return ImageFont.load_default(size).getlength(text)
+
+
+def save_png(path: str | PathLike[str], image: Image) -> None:
+    """Write a picture as PNG, whole or not at all.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    with atomic_write(path) as temporary:
+        image.save(temporary, format="PNG")
