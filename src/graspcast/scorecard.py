@@ -53,8 +53,8 @@ def verdict_table(rows: Sequence[VerdictRow]) -> pl.DataFrame:
     """Verdicts as a table that outcomes can be joined to.
 
     Returns:
-        ``scene_id, im_id, obj_id, inst_id, gripper, attempt`` and ``probability`` (null where there is
-        no forecast); ``inst_id`` counts the rows of the same image, object and gripper.
+        ``scene_id, im_id, obj_id, inst_id, gripper, attempt, probability`` (null where there is no
+        forecast); ``inst_id`` counts the rows of the same image, object and gripper.
     """
     table = pl.DataFrame(
         [(r.scene_id, r.im_id, r.obj_id, r.gripper, r.verdict.attempt, r.verdict.probability)

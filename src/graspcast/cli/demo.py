@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["add_verbs"]
 
-_IMAGES = 3
+_IMAGES = 2
 _SEED = 0
 
 
