@@ -96,11 +96,12 @@ def overlay_sheet(fields: Sequence[Overlay], *, estimators: int = 1, size: int =
         x = middle - size // 2
         if field.pixels is None:
             draw.rectangle((x, y, x + size - 1, y + size - 1), outline=(225, 226, 228))
-            write(draw, (middle, y + size / 2), "no estimate", font, FAINT, "mm")
+            write(draw, (middle, y + size // 2), "no estimate", font, FAINT, "mm")
         else:
             sheet.paste(Pictures.fromarray(field.pixels), (x, y))
         for number, (text, colour) in enumerate(captions):
-            write(draw, (middle, y + size + (number + 0.6) * line), text, font, colour, "mm")
+            at = (middle, y + size + number * line + 3 * line // 5)
+            write(draw, at, text, font, colour, "mm")
     return sheet
 
 

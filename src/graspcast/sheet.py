@@ -27,7 +27,7 @@ def blank(width: int, height: int) -> tuple[Image, ImageDraw]:
 
 def write(
     draw: ImageDraw,
-    at: tuple[float, float],
+    at: tuple[int, int],
     text: str,
     size: int,
     colour: tuple[int, int, int],

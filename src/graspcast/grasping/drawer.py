@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import cache
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from jaxtyping import UInt8
 from numpy import ndarray
@@ -15,6 +15,7 @@ from graspcast.grasping.gl import backend, disabled, open_context
 __all__ = ["Drawer", "open_drawer", "why_software"]
 
 
+@runtime_checkable
 class Drawer(Protocol):
     """Draws scenes of one model in pictures of one size."""
 

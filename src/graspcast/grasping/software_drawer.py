@@ -18,6 +18,7 @@ _TILE, _TILE_LINE = (0.97, 0.97, 0.97), (0.66, 0.67, 0.68)
 _SPACING_M, _LINE_M = 0.1, 0.0008  # of half a line's width
 _FARTHEST = 1e-3
 """One over the depth at which the table ends."""
+_HAIR = 2e-4
 _STEEP = 0.1
 """Light that falls flatter than this sine casts no shadow on the table."""
 
@@ -71,9 +72,12 @@ class SoftwareDrawer:
                     if scene.lights[number].castshadow
                 ]
                 _lay_table(canvas, cam_T_plane, lighting, float(geom.emission), shadows)
-        for geom, cam_T_geom, shape in solids:
+        for number, (geom, cam_T_geom, shape) in enumerate(solids):
+            # Two links share the sphere of their joint. A hair's breadth along the viewing rays,
+            # which moves nothing in the picture, keeps their triangles from taking turns.
+            hair = 1 + _HAIR * (number % 2)
             canvas.draw(
-                transform_points(cam_T_geom, shape.vertices),
+                hair * transform_points(cam_T_geom, shape.vertices),
                 shape.faces,
                 (float(geom.rgba[0]), float(geom.rgba[1]), float(geom.rgba[2])),
                 # OpenGL lays over the back of it too.
@@ -119,7 +123,7 @@ class SoftwareDrawer:
             made = creation.cylinder(radius=1.0, height=2.0, sections=48)
             vertices = made.vertices * size
         elif kind == types.mjGEOM_CAPSULE:
-            made = creation.uv_sphere(radius=1.0, count=(24, 32))
+            made = creation.uv_sphere(radius=1.0, count=(32, 48))
             ends = np.where(made.vertices[:, 2:] > 0, size[2], -size[2])
             vertices = made.vertices * size[0] + ends * [0.0, 0.0, 1.0]
         else:
@@ -149,10 +153,10 @@ def _lighting(scene: Any, rotation: Float[ndarray, "3 3"]) -> Lighting:
 def _shadow(
     canvas: Canvas,
     cam_T_plane: Float[ndarray, "4 4"],
-    casting: list[Float[ndarray, "f 3 3"]],
+    casting: list[ndarray],
     direction: Float[ndarray, " 3"],
 ) -> Bool[ndarray, "hs ws"]:
-    """Where triangles, pushed along the light onto a plane, would be seen."""
+    """Where triangles, (f, 3, 3) each, pushed along the light onto a plane, would be seen."""
     normal, origin = cam_T_plane[:3, 2], cam_T_plane[:3, 3]
     out = np.zeros(canvas.inverse_depth.shape, dtype=bool)
     falling = float(direction @ normal)
