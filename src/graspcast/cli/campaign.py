@@ -153,8 +153,7 @@ def _simulate(options: argparse.Namespace) -> None:
             count=options.borrow,
             seed=options.seed,
         )
-    for text in inputs.notes:
-        note(text)
+    note(*inputs.notes)
     pairs = load_pairs(
         requests,
         grasps,

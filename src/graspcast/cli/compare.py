@@ -80,8 +80,7 @@ def _compare(options: argparse.Namespace) -> None:
 
     inputs = inputs_of(options)
     lessons = _lessons(options, inputs)
-    for text in dict.fromkeys(inputs.notes):
-        note(text)
+    note(*inputs.notes)
     with progress_bar("cross-validating") as move:
         found = compare(
             lessons,

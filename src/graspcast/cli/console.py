@@ -14,12 +14,14 @@ def print_text(text: str) -> None:
     print(text)  # noqa: T201
 
 
-def note(text: str) -> None:
-    """A remark on standard error."""
+def note(*texts: str) -> None:
+    """Remarks on standard error, a line each, none twice."""
     from rich.console import Console
 
-    # Brackets are what they are: pip install 'graspcast[render]'.
-    Console(stderr=True, soft_wrap=True, highlight=False).print(text, style="dim", markup=False)
+    console = Console(stderr=True, soft_wrap=True, highlight=False)
+    for text in dict.fromkeys(texts):
+        # Brackets are what they are: pip install 'graspcast[render]'.
+        console.print(text, style="dim", markup=False)
 
 
 def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

@@ -103,8 +103,7 @@ def _errors(options: argparse.Namespace) -> None:
             figures[dataset, estimator] = summarise(errors)
             names = (pl.lit(estimator).alias("estimator"), pl.lit(dataset).alias("dataset"))
             parts.append(errors.select(*names, pl.all()))
-    for text in inputs.notes:
-        note(text)
+    note(*inputs.notes)
     if options.shape:
         shape = _shape(parts)
     else:

@@ -127,8 +127,7 @@ def _train(options: argparse.Namespace) -> None:
 
     inputs = inputs_of(options)
     learned = _lessons(options, inputs)
-    for text in inputs.notes:
-        note(text)
+    note(*inputs.notes)
     settings = {
         "method": options.method,
         "features": options.features,

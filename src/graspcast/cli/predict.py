@@ -103,8 +103,7 @@ def _predict(options: argparse.Namespace) -> None:
                 answered[key] = row
     rows = [answered[key] for key in sorted(answered)]
     write_verdicts(options.out, rows)
-    for text in dict.fromkeys(inputs.notes):
-        note(text)
+    note(*inputs.notes)
     attempts = sum(row.verdict.attempt for row in rows)
     strange = sum(row.verdict.unfamiliar for row in rows)
     print_text(

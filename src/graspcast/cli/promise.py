@@ -163,8 +163,7 @@ def _certify(options: argparse.Namespace) -> None:
     estimates = inputs.estimates(card.principal)
     outcomes = load_outcomes(options.outcomes, estimates.estimators)
     samples = join(estimates, outcomes, card.principal, card.gripper)
-    for text in inputs.notes:
-        note(text)
+    note(*inputs.notes)
     if samples.untried:
         note(f"left out {samples.untried} instances without an outcome")
     scenes = unit_names(samples.estimates, "scene")

@@ -110,8 +110,7 @@ def _trials_of(options: argparse.Namespace) -> tuple[LabelledTrials, dict[str, P
     trials = labelled_trials(
         inputs.results, inputs.datasets, load_outcomes(options.outcomes, names)
     )
-    for text in inputs.notes:
-        note(text)
+    note(*inputs.notes)
     return trials, {name: dataset.root for name, dataset in inputs.datasets.items()}
 
 
