@@ -80,7 +80,7 @@ def test_the_images_that_ship_are_small_and_many(dataset: BopDataset) -> None:
     assert sum(path.stat().st_size for path in dataset.root.rglob("*")) <= 12_000_000
     assert len(dataset.images) >= 200
     assert len({scene for scene, _ in dataset.images}) >= 20
-    assert "settings" in json.loads((ROOT / "render.json").read_text())
+    assert "settings" in json.loads((dataset.root / "render.json").read_text())
 
 
 @pytest.fixture(scope="module")
