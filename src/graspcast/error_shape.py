@@ -13,7 +13,10 @@ import polars as pl
 
 from graspcast.errors import MismatchError
 
-__all__ = ["correlations", "tails"]
+__all__ = ["MEASURED", "correlations", "tails"]
+
+MEASURED = ("rotation_deg", "translation_mm", "ray_share")
+"""The errors that a shape is of; cheap beside those over all vertices."""
 
 _KEYS = ("scene_id", "im_id", "obj_id", "inst_id")
 _QUANTILES = (0.5, 0.75, 0.95)
@@ -24,8 +27,7 @@ def tails(errors: pl.DataFrame) -> pl.DataFrame:
     """Quantiles of one estimator's errors over objects, and how many are large.
 
     Args:
-        errors: As from :func:`graspcast.truth.measure`, with ``rotation_deg``,
-            ``translation_mm`` and ``ray_share``.
+        errors: As from :func:`graspcast.truth.measure`, with :data:`MEASURED`.
 
     Returns:
         A row for each object, and one (``obj_id`` null) of all instances alike: ``n``; 50, 75 and

@@ -84,10 +84,13 @@ def _import_release(options: argparse.Namespace) -> None:
 def _errors(options: argparse.Namespace) -> None:
     import polars as pl
 
+    from graspcast.error_shape import MEASURED
     from graspcast.outcomes import write_table
-    from graspcast.truth import measure, summarise
+    from graspcast.truth import MEASURES, measure, summarise
 
     inputs = inputs_of(options)
+    shape_alone = options.shape and not (options.out or options.json)
+    only = MEASURED if shape_alone else tuple(MEASURES)
     jobs = [(d, e, t) for d, tables in inputs.results.items() for e, t in tables.items()]
     parts, figures = [], {}
     with progress_bar("measuring") as move:
@@ -97,7 +100,7 @@ def _errors(options: argparse.Namespace) -> None:
             def step(share: float, i: int = i, words: str = words) -> None:
                 move((i + share) / len(jobs), words)
 
-            errors = measure(results, inputs.datasets[dataset], progress=step)
+            errors = measure(results, inputs.datasets[dataset], only=only, progress=step)
             if without := len(results) - len(errors):
                 inputs.notes.append(f"{results.source}: {without} estimates have no ground truth")
             figures[dataset, estimator] = summarise(errors)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from graspcast.cli.console import print_text
+from graspcast.cli.console import note, print_text
 from graspcast.cli.options import Verbs, add_verb, share
 from graspcast.errors import InputError
 
@@ -79,8 +79,10 @@ def _demo(options: argparse.Namespace) -> int:
     print_text(f"DATA={shlex.quote(data)}")
     for title, command in _steps(options, dataset, *parts):
         print_text(f"\n# {title}\n$ graspcast {_told(command, data)}")
+        start = time.monotonic()
         if code := main(command):
             return code
+        note(f"{time.monotonic() - start:.0f} s")
     minutes, seconds = divmod(round(time.monotonic() - began), 60)
     pictures = ", ".join(str(path) for path in sorted(options.out.glob("*.png")))
     print_text(f"\n{minutes} min {seconds} s. Pictures: {pictures}")
