@@ -25,13 +25,13 @@ from graspcast.learning.contrast import (
     STANDING,
     Contrast,
     Drawn,
-    Gain,
     figures_of,
     gains,
     under_scenes,
 )
 from graspcast.learning.forecasts import Forecasts
 from graspcast.learning.lessons import Lessons
+from graspcast.learning.resampling import Interval
 from graspcast.learning.samples import scene_groups
 from graspcast.learning.training import cross_validated
 
@@ -86,7 +86,7 @@ class Comparison:
     common: int
     scenes: int
     standings: Mapping[str, Mapping[str, float]]
-    ahead: Mapping[tuple[str, str], Mapping[str, Gain]]
+    ahead: Mapping[tuple[str, str], Mapping[str, Interval]]
     settings: Mapping[str, Any]
 
     @property
@@ -111,7 +111,7 @@ class Comparison:
         ]
         if others:
             by = self.ahead[best, others[0]][DECISIVE]
-            parts[0] += f", {by} against those of the next best, {others[0]}"
+            parts[0] += f", {by:+} against those of the next best, {others[0]}"
             tied = [name for name in others if not self.ahead[best, name][DECISIVE].distinct]
             if tied:
                 parts.append(f"the difference from {' and '.join(tied)} may be chance")
@@ -141,7 +141,7 @@ class Comparison:
             "better left out": [name for name, gain in by.items() if gain.high < 0],
         }
         return [
-            f"{kind}: " + ", ".join(f"{name} ({by[name]})" for name in names)
+            f"{kind}: " + ", ".join(f"{name} ({by[name]:+})" for name in names)
             for kind, names in kinds.items()
             if names
         ]

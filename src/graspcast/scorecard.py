@@ -107,7 +107,7 @@ def score_verdicts(
     both = table.join(outcomes.select(*_KEYS, "success"), on=list(_KEYS), how="inner")
     if not len(both):
         raise InputError("no outcome is about any of the verdicts: are they of the same images?")
-    scene, numbers = np.unique(both["scene_id"].to_numpy(), return_inverse=True)
+    scene, numbers = np.unique(both["scene_id"].to_numpy().astype(str), return_inverse=True)
     attempt = both["attempt"].to_numpy().astype(np.float64)
     success = both["success"].to_numpy().astype(np.float64)
     counts = every_scene_and_draws(scene.tolist(), draws, seed)

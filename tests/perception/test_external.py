@@ -73,7 +73,7 @@ def test_a_command_in_another_environment(
 
 
 def test_the_example_of_the_guide(python: Path, dataset: BopDataset, boxes: Path) -> None:
-    (example,) = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
+    example = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)[0]
     script = boxes.with_name("estimate.py")
     script.write_text(example)
     template = (

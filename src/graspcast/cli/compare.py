@@ -138,7 +138,9 @@ def _print(found: Comparison) -> None:
         best, *_ = found.ranking
         for name in found.ranking:
             row = [name, *_figures(found.standings[name], STANDING)]
-            rows.append([*row, "-" if name == best else str(found.ahead[best, name]["aurc"])])
+            rows.append(
+                [*row, "-" if name == best else format(found.ahead[best, name]["aurc"], "+")]
+            )
         print_table(
             f"principals on the {found.common} instances tried with each, of {found.scenes} scenes",
             ["principal", *(_TITLES[name] for name in STANDING), f"{best} is better by (AURC)"],
@@ -179,8 +181,8 @@ def _rows(word: str, contrasts: Mapping[str, Contrast]) -> list[list[str]]:
         [
             f"{word} {name}",
             *_figures(contrast.figures, FORECAST),
-            str(contrast.gain["aurc"]),
-            str(contrast.gain["auroc"]),
+            format(contrast.gain["aurc"], "+"),
+            format(contrast.gain["auroc"], "+"),
         ]
         for name, contrast in contrasts.items()
     ]

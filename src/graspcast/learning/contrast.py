@@ -22,7 +22,6 @@ __all__ = [
     "STANDING",
     "Contrast",
     "Drawn",
-    "Gain",
     "figures_of",
     "gains",
     "under_scenes",
@@ -41,18 +40,6 @@ Drawn = dict[str, Float[ndarray, "b"]]
 """Of each measure its value, and then its value under each draw of scenes."""
 
 
-class Gain(Interval):
-    """By how much something is better than something else: positive is better in every measure."""
-
-    @property
-    def distinct(self) -> bool:
-        """Whether zero lies outside the interval."""
-        return self.low > 0 or self.high < 0
-
-    def __format__(self, sign: str) -> str:
-        return super().__format__(sign or "+")
-
-
 @dataclass(frozen=True)
 class Contrast:
     """Forecasts with some of the supporters, and how much better they are with all.
@@ -63,7 +50,7 @@ class Contrast:
     """
 
     figures: Mapping[str, float]
-    gain: Mapping[str, Gain]
+    gain: Mapping[str, Interval]
 
 
 def under_scenes(forecasts: Forecasts, measures: Sequence[str], bootstrap: int, seed: int) -> Drawn:
@@ -81,10 +68,10 @@ def figures_of(drawn: Drawn) -> dict[str, float]:
     return {name: float(values[0]) for name, values in drawn.items()}
 
 
-def gains(mine: Drawn, other: Drawn) -> dict[str, Gain]:
-    """By how much one is better than another, in each measure."""
+def gains(mine: Drawn, other: Drawn) -> dict[str, Interval]:
+    """By how much one is better than another: positive is better in every measure."""
     out = {}
     for name, values in mine.items():
         better = (other[name] - values) if name in _LOWER_IS_BETTER else (values - other[name])
-        out[name] = Gain.of(better)
+        out[name] = Interval.of(better)
     return out

@@ -13,7 +13,6 @@ import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Self
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -51,11 +50,16 @@ class Interval:
     high: float
 
     @classmethod
-    def of(cls, values: Float[ndarray, " draws1"]) -> Self:
+    def of(cls, values: Float[ndarray, " draws1"]) -> Interval:
         """From the data's value and then each draw's; the undefined do not count."""
         drawn = values[1:][~np.isnan(values[1:])]
         low, high = np.percentile(drawn, (2.5, 97.5)) if len(drawn) else (np.nan, np.nan)
         return cls(float(values[0]), float(low), float(high))
+
+    @property
+    def distinct(self) -> bool:
+        """Whether zero lies outside."""
+        return self.low > 0 or self.high < 0
 
     def __format__(self, sign: str) -> str:
         value, low, high = (f"{x:{sign}.3f}" for x in (self.value, self.low, self.high))

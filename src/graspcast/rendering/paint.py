@@ -117,7 +117,7 @@ def write_painted_models(
 def _info(vertices: Float[ndarray, "v 3"]) -> dict[str, float]:
     hull: Int[ndarray, " h"] = ConvexHull(vertices).vertices
     low, size = millimetres(vertices.min(axis=0)), millimetres(np.ptp(vertices, axis=0))
-    info = {"diameter": float(millimetres(pdist(vertices[hull]).max()))}
+    info = {"diameter": float(millimetres(pdist(vertices[hull])).max())}
     info |= {f"min_{a}": float(x) for a, x in zip("xyz", low, strict=True)}
     info |= {f"size_{a}": float(x) for a, x in zip("xyz", size, strict=True)}
     return info
