@@ -87,7 +87,9 @@ def test_tables_that_will_not_do(
         shutil.rmtree(few / f"test/{scene:06d}")
     said = refused(["demo", "--data", str(few), *out], capsys)
     assert "has 2 scenes, but three are needed" in said
-    assert main(["demo", "--data", str(tmp_path / "nowhere"), *out]) == 2
+    assert "nowhere" in refused(["demo", "--data", str(tmp_path / "nowhere"), *out], capsys)
+    said = refused(["demo", "--data", str(tables), "--gripper", "claw", *out], capsys)
+    assert "unknown gripper 'claw'" in said
     boxes = tables / "test_detections_jittered.json"
     moved = boxes.rename(tmp_path / "boxes.json")
     try:

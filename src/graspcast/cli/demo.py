@@ -72,10 +72,15 @@ def _demo(options: argparse.Namespace) -> int:
     from graspcast.bop.dataset import BopDataset
     from graspcast.cli import main
     from graspcast.demo_data import demo_dataset
+    from graspcast.grasping.gl import import_mujoco
+
+    import_mujoco()
+    from graspcast.grasping.grippers import load_gripper
 
     began = time.monotonic()
     dataset = BopDataset(options.data) if options.data else demo_dataset()
     data, parts = str(dataset.root), _parts(dataset)
+    load_gripper(options.gripper)  # what is unknown is better said before minutes have passed
     print_text(f"DATA={shlex.quote(data)}")
     for title, command in _steps(options, dataset, *parts):
         print_text(f"\n# {title}\n$ graspcast {_told(command, data)}")
