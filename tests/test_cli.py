@@ -80,6 +80,7 @@ def predict(world: Path, *more: str, names: str = "abc") -> list[str]:
     return ["predict", *inputs(world, names), *paths, *more]
 
 
+@pytest.mark.slow
 def test_from_estimates_to_verdicts(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(train(world, "--folds", "3", "--json", str(world / "card.json"))) == 0
     out, _ = capsys.readouterr()

@@ -11,6 +11,7 @@ from graspcast.cli import main
 from graspcast.published import ESTIMATORS, GRIPPERS
 
 
+@pytest.mark.slow
 def test_from_the_data_to_the_json(
     data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -60,12 +61,14 @@ def test_refusals(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_own_outcomes_are_asked_for(data_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["evaluate", "--data", str(data_dir), "--methods", "majority"]
     assert main([*command, "--protocols", "unseen_object_simulated"]) == 2
     assert "give its directory with --outcomes" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_own_outcomes_that_are_the_published_ones_give_the_same_table(
     data_dir: Path, tmp_path: Path
 ) -> None:

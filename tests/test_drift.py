@@ -89,6 +89,7 @@ def alarms(streams: np.ndarray, unit: int | None = None) -> float:
 ALLOWED = 0.1 + 3 * math.sqrt(0.1 * 0.9 / 100)
 
 
+@pytest.mark.slow
 def test_false_alarms_are_as_rare_as_stated() -> None:
     rng = np.random.default_rng(0)
     assert alarms(rng.random((100, 400)) < 0.9) <= ALLOWED
@@ -97,6 +98,7 @@ def test_false_alarms_are_as_rare_as_stated() -> None:
     assert alarms(rng.random((100, 400)) < wandering) <= ALLOWED
 
 
+@pytest.mark.slow
 def test_scenes_that_fail_as_a_whole_are_one_observation() -> None:
     rng = np.random.default_rng(0)
     scenes = np.repeat(rng.random((100, 40)) < 0.9, 10, axis=1)

@@ -113,6 +113,7 @@ def released(data_dir: Path, estimator: str) -> dict[tuple[int, int, int], list[
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", ["EPOS", "GDRNPP", "ZebraPose"])
 def test_released_metrics_of_lmo(data_dir: Path, published: Path, estimator: str) -> None:
     """ADD(-S), MSSD and MSPD; the released MSSD and MSPD leave symmetries out."""

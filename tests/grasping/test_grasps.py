@@ -30,6 +30,7 @@ def _reference(twist: tuple[float, ...], gripper: str = "parallel") -> Reference
     return ReferenceGrasp(grasp, 'said "so"\nétwice', 0.4, 0.5, {"κ, part 2": 0.1 + 0.2, "n": 3})
 
 
+@pytest.mark.slow
 @given(twist=st.tuples(*[st.floats(-1, 1)] * 6))
 def test_what_is_written_is_read(
     tmp_path_factory: pytest.TempPathFactory, twist: tuple[float, ...]

@@ -172,6 +172,7 @@ def test_a_strip_shows_the_moments_and_tells_held_from_missed(
     assert orange(strips[0][-1]) > 10 * orange(strips[1][-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [".gif", ".mp4"])
 def test_a_film_can_be_read_and_moves(
     tmp_path: Path, renderer: SceneRenderer, held: Recording, ending: str
@@ -254,6 +255,7 @@ def test_what_watch_cannot_do_is_said(
     assert all(word in said for word in words), said
 
 
+@pytest.mark.slow
 def test_a_published_estimate_is_watched(
     data_dir: Path, tmp_path: Path, renderer: SceneRenderer, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -292,6 +294,7 @@ def watch_elsewhere(
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("environment", "words"),
     [
@@ -316,6 +319,7 @@ def test_without_opengl_it_is_drawn_in_software_and_said_why(
         assert orange(np.asarray(image)) > 1000
 
 
+@pytest.mark.slow
 def test_without_pyopengl_it_is_drawn_in_software(tmp_path: Path, tables: list[str]) -> None:
     without = "sys.modules.update(OpenGL=None, glfw=None)"
     done = watch_elsewhere(tmp_path / "a.png", tables, {}, without)

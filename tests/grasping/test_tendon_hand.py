@@ -198,6 +198,7 @@ def test_it_holds_what_the_published_hand_holds_without_creep(what: str, mass_kg
     assert creep < 10e-6
 
 
+@pytest.mark.slow
 def test_it_can_fail() -> None:
     target, height = TARGETS["cylinder upright"]
     runner, grasp = _hold(target, height)

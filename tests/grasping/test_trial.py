@@ -211,7 +211,7 @@ def sample(gripper: str, count: int) -> Iterator[tuple[TrialRunner, Float[ndarra
 def test_stopping_early_gives_the_label_of_the_full_lift(gripper: str) -> None:
     seen: dict[str, int] = dict.fromkeys(REASONS, 0)
     saved = 0
-    for runner, error, grasp in sample(gripper, 210):
+    for runner, error, grasp in sample(gripper, 120):
         full = runner.run(error, grasp, early_stop=False)
         quick = runner.run(error, grasp)
         assert (quick.success, quick.reason) == (full.success, full.reason), error
@@ -219,7 +219,7 @@ def test_stopping_early_gives_the_label_of_the_full_lift(gripper: str) -> None:
             assert quick.offset_m == pytest.approx(full.offset_m, abs=5e-3)
         seen[full.reason] += 1
         saved += full.steps - quick.steps
-    assert min(seen["held"], seen["dropped"], seen["missed"]) >= 10, seen
+    assert min(seen["held"], seen["dropped"], seen["missed"]) >= 5, seen
     assert saved > 0
 
 

@@ -17,6 +17,7 @@ def forecasts(probability: np.ndarray, success: np.ndarray, scenes: np.ndarray) 
     return Forecasts("unseen_scenes", "m", "a", "parallel", probability, success, objects, scenes)
 
 
+@pytest.mark.slow
 def test_intervals_are_those_of_the_same_repeated_rows_on_both_sides() -> None:
     rng = np.random.default_rng(1)
     scenes = np.repeat(["x", "y", "z"], [7, 11, 9])

@@ -142,6 +142,7 @@ def test_a_task_has_the_right_outcomes_and_true_poses(benchmark: Benchmark) -> N
     assert_allclose(task.truth, benchmark.truth[task.annotated.im_id])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_flipping_judged_outcomes_changes_no_prediction(
     benchmark: Benchmark, protocol: str
