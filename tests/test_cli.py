@@ -218,6 +218,12 @@ def test_objects_without_a_model(world: Path, capsys: pytest.CaptureFixture[str]
     )
 
 
+def test_a_dataset_given_twice(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    again = ["--bop", str(world / "made")]
+    said = refused(["errors", *inputs(world, "a"), *again], capsys)
+    assert "there is already a dataset made" in said
+
+
 def test_only_some_scenes(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(train(world, "--folds", "0", "--scenes", "0-2", "4")) == 0
     assert "1 objects, 40 samples" in capsys.readouterr().out
@@ -226,7 +232,7 @@ def test_only_some_scenes(world: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert sorted(set(scenes.to_list())) == [3, 5]
     said = refused(predict(world, "--scenes", "7"), capsys)
     assert "no estimate in the wanted scenes 7; it has scenes 0, 1, 2, 3, 4, 5" in said
-    for wrong in ("x", "3-", "4-2", "-1"):
+    for wrong in ("x", "3-", "4-2", "-1", "²", "0-99999999999"):
         with pytest.raises(SystemExit):
             main(predict(world, "--scenes", wrong))
 

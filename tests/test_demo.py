@@ -93,8 +93,11 @@ def test_tables_that_will_not_do(
     boxes = tables / "test_detections_jittered.json"
     moved = boxes.rename(tmp_path / "boxes.json")
     try:
-        assert main(["demo", "--data", str(tables), *out]) == 2
+        said = refused(["demo", "--data", str(tables), *out], capsys)
+        assert "test_detections_jittered.json: is not there" in said
     finally:
         moved.rename(boxes)
-    assert "test_detections_jittered.json" in capsys.readouterr().err
+    shutil.copytree(tables, tmp_path / "mine")
+    said = refused(["demo", "--data", str(tmp_path / "mine"), *out], capsys)
+    assert "no reference grasp of mine-2, mine-3" in said
     assert not (tmp_path / "out").exists()

@@ -302,8 +302,11 @@ def test_verdicts_come_back_as_they_were_written(tmp_path: Path) -> None:
     ]
     good = (tmp_path / "v.csv").read_text()
     for old, new, says in (
-        ("abstain", "perhaps", "line 2: is not a verdict"),
-        ("0.750000", "1.5", "line 3: is not a verdict"),
+        ("abstain", "perhaps", "line 2: the verdict is 'perhaps', not attempt or abstain"),
+        ("0.750000", "1.5", "line 3: the probability is 1.5, not from 0 to 1"),
+        ("0.750000", "nan", "line 3: the probability is nan"),
+        ("1,4,5", "1,99999999999999999999,5", "line 3: im_id is '99999999999999999999'"),
+        ("1,4,5", "1,4,5,6", "line 3: should have 7 fields"),
         ("verdict,", "", "no column verdict"),
     ):
         (tmp_path / "v.csv").write_text(good.replace(old, new, 1))

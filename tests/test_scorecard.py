@@ -88,6 +88,7 @@ def test_what_cannot_be_said_is_not_said() -> None:
     one = score_verdicts(verdicts(scene * 0, attempt), outcomes(scene * 0, success))
     assert math.isnan(one.always.low)
     assert one.as_dict()["always"] == {"value": success.mean(), "low": None, "high": None}
+    assert str(one.always) == f"{success.mean():.3f}"
     half = outcomes(scene, success).filter(pl.col("im_id") % 2 == 0)
     assert score_verdicts(verdicts(scene, attempt), half).untried == 200
 
@@ -128,6 +129,7 @@ def test_the_verb(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) 
     out = capsys.readouterr().out
     assert "always attempting" in out and "0.600" in out
     assert "following the verdicts" in out and "1.000" in out
+    assert "1.000 [1.000, 1.000]" in out
     content = json.loads(figures.read_text())
     assert content["following"]["value"] == 1.0
     assert content["attempts"] == 5

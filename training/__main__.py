@@ -1,11 +1,11 @@
-"""``python -m training VERB``: render samples, train, export, evaluate."""
+"""``python -m training VERB``: render samples, train, export."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-TRAIN_SEED, CHECK_SEED = 1, 2
+SEED = 1
 
 
 def main() -> None:
@@ -13,9 +13,8 @@ def main() -> None:
     top.add_argument("--models", type=Path, required=True, help="a BOP directory of models")
     top.add_argument("--work", type=Path, required=True, help="scratch: samples and checkpoints")
     verbs = top.add_subparsers(dest="verb", required=True)
-    verb = verbs.add_parser("render", help="write samples to train from and to check on")
-    verb.add_argument("--files", type=int, default=40, help="of about 1900 samples each")
-    verb.add_argument("--check-files", type=int, default=1)
+    verb = verbs.add_parser("render", help="write samples to train from")
+    verb.add_argument("--files", type=int, default=40, help="of some 1800 samples each")
     verb = verbs.add_parser("train", help="train, or go on with it")
     verb.add_argument("--only", nargs="+", default=["dense", "direct", "keypoints"])
     verb.add_argument("--steps", type=int, default=60_000)
@@ -31,9 +30,7 @@ def main() -> None:
     if options.verb == "render":
         from training.crops import render
 
-        check = options.work / "check"
-        render(check, objects, seed=CHECK_SEED, files=options.check_files)
-        render(options.work / "train", objects, seed=TRAIN_SEED, files=options.files)
+        render(options.work / "train", objects, seed=SEED, files=options.files)
     elif options.verb == "train":
         from training.train import train
 

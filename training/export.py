@@ -27,6 +27,8 @@ _SMALL = 64
 def export(work: Path, objects: Objects, name: str, out: Path) -> None:
     """Write the averaged weights of a training as ``out``."""
     run = Run(name, objects, work)
+    if not run.step:
+        raise SystemExit(f"{run.path}: no such training")
     network = new_network(name, objects).eval()
     network.load_state_dict(run.average.module.state_dict())
     example = (torch.zeros(1, 3, PIXELS, PIXELS), torch.zeros(1, dtype=torch.int64))

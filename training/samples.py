@@ -63,6 +63,8 @@ class Samples:
                 for name in stored.files:
                     self.columns.setdefault(name, []).append(stored[name])
         self.files = len(paths)
+        if not paths:
+            raise SystemExit(f"{self.directory}: no samples; render some first")
         sizes = [len(a) for a in self.columns["object"]]
         self.starts = np.concatenate([[0], np.cumsum(sizes)])
 

@@ -121,6 +121,11 @@ def load_inputs(
     for i, (name, root) in enumerate(bop):
         truth = ground_truth[i] if ground_truth else None
         dataset = BopDataset(root, ground_truth=truth, name=name)
+        if dataset.name in datasets:
+            raise InputError(
+                f"{root}: there is already a dataset {dataset.name}, "
+                f"{datasets[dataset.name].root}; give one another name, by --bop NAME=DIR"
+            )
         datasets[dataset.name] = dataset
     results: dict[str, dict[str, Results]] = {}
     out = Inputs(datasets, results)
@@ -199,7 +204,7 @@ def _wanted(
 
 def _is_of(name: str, dataset_name: str) -> bool:
     dataset, _, number = name.rpartition("-")
-    if not number.isdigit():
+    if not number.isdecimal():
         raise InputError(f"--objects takes numbers, or DATASET-NUMBER (lmo-5), not {name!r}")
     return dataset in ("", dataset_name)
 

@@ -180,13 +180,27 @@ def read_verdicts(path: str | PathLike[str]) -> list[VerdictRow]:
 
 
 def _verdict_row(row: dict[str, str], path: str | PathLike[str], where: str) -> VerdictRow:
+    if None in row.values() or None in row:
+        raise FormatError(path, f"should have {len(COLUMNS)} fields", where=where)
+    said = {"attempt": True, "abstain": False}.get(row["verdict"])
+    if said is None:
+        raise FormatError(
+            path, f"the verdict is {row['verdict']!r}, not attempt or abstain", where=where
+        )
     try:
         probability = float(row["probability"]) if row["probability"] else None
-        if probability is not None:
-            check_threshold(probability)
-        attempt = {"attempt": True, "abstain": False}[row["verdict"]]
-        scene_id, im_id, obj_id = (int(row[name]) for name in COLUMNS[:3])
-    except (InputError, KeyError, TypeError, ValueError) as error:
-        raise FormatError(path, f"is not a verdict ({error})", where=where) from error
-    verdict = Verdict(attempt, probability, row["reason"])
+    except ValueError:
+        probability = float("nan")
+    if probability is not None and not 0.0 <= probability <= 1.0:
+        raise FormatError(
+            path, f"the probability is {row['probability']}, not from 0 to 1", where=where
+        )
+    scene_id, im_id, obj_id = (_number(row[name], name, path, where) for name in COLUMNS[:3])
+    verdict = Verdict(said, probability, row["reason"])
     return VerdictRow(scene_id, im_id, obj_id, row["gripper"], verdict)
+
+
+def _number(text: str, name: str, path: str | PathLike[str], where: str) -> int:
+    if not text.isdecimal() or int(text) >= 2**31:
+        raise FormatError(path, f"{name} is {text!r}, not a BOP number", where=where)
+    return int(text)

@@ -49,6 +49,15 @@ def test_images_that_are_not_rgb_are_refused(tmp_path: Path, mode: str, says: st
         read_image(path)
 
 
+def test_an_image_beyond_all_measure_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_image(tmp_path / "a.png")
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
+    with pytest.raises(FormatError, match="is too large an image"):
+        read_image(path)
+
+
 def test_another_size_is_refused(tmp_path: Path) -> None:
     dataset = write_dataset(tmp_path)
     write_image(dataset.images[2, 3], size=(64, 96))

@@ -239,6 +239,7 @@ def test_watch_says_the_outcome_and_draws_it(
         (["--object", "cub", "--out", "a.png"], ["did you mean 'cube'"]),
         (["--image", "2/3", "--out", "a.png"], ["--estimates"]),
         (["--offset", *"00000", "nan", "--out", "a.png"], ["finite"]),
+        (["--offset", "1e9", *"00000", "--out", "a.png"], ["1e+06 m off"]),
         (["--estimates", "a=b.csv", "--out", "a.png"], ["--bop", "--image"]),
         (["--estimates", "a=b", "--offset", *"000000", "--out", "a.png"], ["give one"]),
     ],

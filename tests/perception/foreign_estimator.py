@@ -44,7 +44,9 @@ for number, d in enumerate(json.loads(detections.read_text())):
     image = number if how == "count" else d["image_id"]
     obj_id = 2 if how == "object" else d["category_id"]
     keys = [d["scene_id"], image, obj_id, d["score"]]
-    if how == "nothing":
+    if how == "headers":
+        continue
+    if how == "nothing" and number == 0:
         t = [0, 0, 0]
     rows.append([*keys, "1 0 0 0 1 0 0 0 1", " ".join(map(repr, t)), -1])
 

@@ -149,3 +149,25 @@ def test_weights_that_are_none(tmp_path: Path) -> None:
         built_in("dense", WEIGHTS / "direct.onnx")
     with pytest.raises(UnknownNameError, match="known: dense, direct, keypoints"):
         built_in("epos")
+
+
+def test_damaged_metadata_are_refused(tmp_path: Path) -> None:
+    whole = (WEIGHTS / "dense.onnx").read_bytes()
+    for old, new in (
+        (b'"family"', b'"famine"'),
+        (b'"diameter_m"', b'"diameter_x"'),
+        (b'{"family"', b'["family"'),
+        (b'"pixels": 64', b'"pixels": {}'),
+    ):
+        assert whole.count(old) >= 1
+        (tmp_path / "damaged.onnx").write_bytes(whole.replace(old, new))
+        with pytest.raises(FormatError, match="what training wrote into it is damaged"):
+            built_in("dense", tmp_path / "damaged.onnx")
+
+
+def test_a_box_far_larger_than_the_image_is_refused(dataset: BopDataset, boxes: Detections) -> None:
+    one = boxes.select(np.array([0]))
+    huge = replace(one, box_xywh=np.array([[-20000.0, -20000.0, 50000.0, 50000.0]]))
+    key = int(one.scene_id[0]), int(one.im_id[0])
+    with pytest.raises(InputError, match="times as large as the image"):
+        built_in("dense").estimate(dataset.image(*key), dataset.camera_of(*key).K, huge)

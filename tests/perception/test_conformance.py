@@ -135,6 +135,17 @@ class Crasher(Sizes):
         return super().estimate(image, K, detections)
 
 
+class Bursts(Sizes):
+    def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
+        raise ValueError("boom")
+
+
+class Boaster(Sizes):
+    def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
+        found = super().estimate(image, K, detections)
+        return Poses(found.cam_T_obj, found.score + 7.0)
+
+
 class Nameless:
     obj_ids = (1, 5)
 
@@ -148,6 +159,8 @@ class Nameless:
         pytest.param(Nameless, "describes", "lacks name", marks=pytest.mark.ill_typed),
         (spoilt(one_less), "answers", "there should be"),
         (spoilt(nothing), "answers", "found nothing"),
+        (Bursts, "answers", "raised ValueError: boom"),
+        (Boaster, "rigid", "beyond 0 and 1"),
         (spoilt(infinite), "rigid", "not finite"),
         (spoilt(mirrored), "rigid", "away from a rigid"),
         (spoilt(scaled(1000.0)), "metres", "are these metres"),

@@ -109,7 +109,7 @@ def test_the_verb_runs_a_command(
     out = boxes.with_name("out.csv")
     assert main(verb(dataset, boxes, out, command(python), "--timeout", "60")) == 0
     printed = capsys.readouterr()
-    assert printed.out == f"{out}: 6 poses from 6 detections in 3 images\n"
+    assert printed.out == f"{out}: 6 poses in 3 images, from 6 detections in 3\n"
     assert "jittered ground truth, seed 0, not a detector" in printed.err
     assert len(read_results(out)) == 6
 
@@ -130,7 +130,7 @@ def test_the_verb_runs_an_estimator_of_ours(
     out = boxes.with_name("out.csv")
     assert main(verb(dataset, boxes, out, "direct", "--weights", "own.onnx")) == 0
     assert asked == ["direct", Path("own.onnx")]
-    assert "6 poses from 6 detections in 3 images" in capsys.readouterr().out
+    assert "6 poses in 3 images, from 6 detections in 3" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -173,7 +173,7 @@ def test_the_verb_counts_what_it_leaves_out(
     printed = capsys.readouterr()
     assert "left out 1 (object without a model)" in printed.err
     assert "left out 1 (bad entry)" in printed.err
-    assert "1 poses from 1 detections in 1 images" in printed.out
+    assert "1 poses in 1 images, from 1 detections in 1" in printed.out
 
 
 @pytest.mark.parametrize("seconds", ["0", "-1", "nan", "inf", "soon"])

@@ -250,6 +250,18 @@ def test_what_cannot_be_rendered_leaves_nothing(
     assert "is there already" in capsys.readouterr().err
     assert main(["render", "--models", str(tmp_path), "--out", str(tmp_path / "b")]) == 2
     assert "models_info.json" in capsys.readouterr().err
+    for split in ("../out", "models", "a/b", ""):
+        command = [
+            "render",
+            "--models",
+            str(models),
+            "--out",
+            str(tmp_path / "c"),
+            "--split",
+            split,
+        ]
+        assert main(command) == 2
+        assert "a split is a plain name" in capsys.readouterr().err
     assert sorted(p.name for p in tmp_path.iterdir()) == ["full"]
     assert [p.name for p in full.iterdir()] == ["kept"]
 

@@ -67,6 +67,8 @@ def read_image(
                     f"{size[0]} x {size[1]}; the camera's matrix is of that size alone",
                 )
             return np.array(image)
+    except Image.DecompressionBombError as error:
+        raise FormatError(path, f"is too large an image ({error})") from error
     except UnidentifiedImageError as error:
         raise FormatError(path, "is not a PNG, JPEG or WebP image") from error
     except (OSError, SyntaxError, ValueError) as error:  # what Pillow's decoders raise

@@ -111,7 +111,7 @@ def _pairs(
         for table in tables.values()
         for number in set(table.obj_id.tolist())
     }
-    odd = [name for name in wanted if not name.rpartition("-")[0] or not name[-1].isdigit()]
+    odd = [name for name in wanted if not name.rpartition("-")[0] or not name[-1].isdecimal()]
     if odd:
         raise InputError(f"--borrow needs --objects as DATASET-NUMBER (lmo-5), not {odd[0]!r}")
     pairs = [(name, gripper) for name in sorted(wanted or seen) for gripper in grippers]

@@ -34,10 +34,11 @@ def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]
         table.add_column(name, justify="left" if i == 0 else "right")
     for row in rows:
         table.add_row(*row)
-    console = Console()
+    # Brackets are what they are: of intervals, for example.
+    console = Console(markup=False)
     if not console.is_terminal:
         # A file or a pipe has no width; nothing is to be folded or cut off for one.
-        console = Console(width=1000)
+        console = Console(width=1000, markup=False)
     console.print(title, table, sep="\n")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 import time
 from collections.abc import Iterator
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["add_verbs"]
 
 _IMAGES = 2
+_BOXES = "test_detections_jittered.json"
 _SEED = 0
 
 
@@ -80,7 +82,9 @@ def _demo(options: argparse.Namespace) -> int:
     began = time.monotonic()
     dataset = BopDataset(options.data) if options.data else demo_dataset()
     data, parts = str(dataset.root), _parts(dataset)
-    load_gripper(options.gripper)  # what is unknown is better said before minutes have passed
+    # What will not do is better said before minutes have passed.
+    _check(dataset, load_gripper(options.gripper).name)
+    pictures: list[str] = []
     print_text(f"DATA={shlex.quote(data)}")
     for title, command in _steps(options, dataset, *parts):
         print_text(f"\n# {title}\n$ graspcast {_told(command, data)}")
@@ -88,20 +92,36 @@ def _demo(options: argparse.Namespace) -> int:
         if code := main(command):
             return code
         note(f"{time.monotonic() - start:.0f} s")
+        if command[-1].endswith(".png"):
+            pictures.append(command[-1])
     minutes, seconds = divmod(round(time.monotonic() - began), 60)
-    pictures = ", ".join(str(path) for path in sorted(options.out.glob("*.png")))
-    print_text(f"\n{minutes} min {seconds} s. Pictures: {pictures}")
+    print_text(f"\n{minutes} min {seconds} s. Pictures: {', '.join(pictures)}")
     return 0
 
 
 def _told(command: list[str], data: str) -> str:
     """As one would type it, the data's directory by its variable."""
+    inside = f"{data}{os.sep}"
     return " ".join(
-        f'"$DATA"{shlex.quote(text[len(data) :]) if text != data else ""}'
-        if text.startswith(data)
+        '"$DATA"' if text == data
+        else f'"$DATA"/{shlex.quote(text[len(inside) :])}' if text.startswith(inside)
         else shlex.quote(text)
         for text in command
-    )
+    )  # fmt: skip
+
+
+def _check(dataset: BopDataset, gripper: str) -> None:
+    from graspcast.grasping.grasps import read_grasps
+
+    boxes, known = dataset.root / _BOXES, read_grasps()
+    if not boxes.is_file():
+        raise InputError(f"{boxes}: is not there; graspcast render writes it")
+    names = [f"{dataset.name}-{number}" for number in sorted(dataset.models.info)]
+    if lacking := [name for name in names if (name, gripper) not in known]:
+        raise InputError(
+            f"{dataset.root}: there is no reference grasp of {', '.join(lacking)} by {gripper}; "
+            "the demonstration is of YCB objects, in a directory called ycbv"
+        )
 
 
 def _steps(
@@ -116,7 +136,7 @@ def _steps(
     bop = ["--bop", str(dataset.root)]
     mine = [*bop, "--estimates", f"{principal}={tables[principal]}"]
     everyone = [*bop, *(t for n, path in tables.items() for t in ("--estimates", f"{n}={path}"))]
-    boxes = str(dataset.root / "test_detections_jittered.json")
+    boxes = str(dataset.root / _BOXES)
     for name, path in tables.items():
         yield (
             f"Poses by the estimator {name}",

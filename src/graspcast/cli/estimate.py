@@ -98,9 +98,15 @@ def _estimate(options: argparse.Namespace) -> None:
     run = _by_command if is_command else _by_built_in
     results = run(options, dataset, detections)
     _note_dropped(results)
-    images = len(set(zip(detections.scene_id.tolist(), detections.im_id.tolist(), strict=True)))
+    asked, answered = (
+        set(zip(table.scene_id.tolist(), table.im_id.tolist(), strict=True))
+        for table in (detections, results)
+    )
+    if without := len(asked - answered):
+        note(f"{without} of {len(asked)} images with detections have no pose; is the file whole?")
     print_text(
-        f"{options.out}: {len(results)} poses from {len(detections)} detections in {images} images"
+        f"{options.out}: {len(results)} poses in {len(answered)} images, from {len(detections)} "
+        f"detections in {len(asked)}"
     )
 
 

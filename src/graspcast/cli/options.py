@@ -127,18 +127,21 @@ def inputs_of(options: argparse.Namespace) -> Inputs:
     )
 
 
+_MOST_SCENES = 1_000_000
+
+
 def _scenes(text: str) -> range:
     first, dash, last = text.partition("-")
-    if first.isdigit() and (last.isdigit() if dash else True):
+    if first.isdecimal() and (last.isdecimal() if dash else True):
         found = range(int(first), int(last if dash else first) + 1)
-        if found:
+        if 0 < len(found) <= _MOST_SCENES:
             return found
     raise argparse.ArgumentTypeError(f"a number or FIRST-LAST (3-8) is needed, not {text!r}")
 
 
 def positive(text: str) -> int:
     """A whole number from 1."""
-    if not text.isdigit() or int(text) < 1:
+    if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"a whole number, 1 or more, is needed, not {text!r}")
     return int(text)
 
@@ -156,7 +159,7 @@ def share(text: str) -> float:
 
 def field_size(text: str) -> int:
     """Pixels on a side of a sheet's field."""
-    if not text.isdigit() or not 64 <= int(text) <= 2048:
+    if not text.isdecimal() or not 64 <= int(text) <= 2048:
         raise argparse.ArgumentTypeError(f"64 to 2048 pixels are needed, not {text!r}")
     return int(text)
 
@@ -164,7 +167,7 @@ def field_size(text: str) -> int:
 def scene_and_image(text: str) -> tuple[int, int]:
     """``SCENE/IMAGE``."""
     parts = text.split("/")
-    if len(parts) != 2 or not all(part.isdigit() for part in parts):
+    if len(parts) != 2 or not all(part.isdecimal() for part in parts):
         raise argparse.ArgumentTypeError(f"SCENE/IMAGE is needed, for example 2/3, not {text!r}")
     return int(parts[0]), int(parts[1])
 

@@ -140,7 +140,7 @@ def _add_monitor(verbs: Verbs) -> None:
 
 
 def _count(text: str) -> int:
-    if not text.isdigit():
+    if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"a whole number, 0 or more, is needed, not {text!r}")
     return int(text)
 

@@ -20,7 +20,8 @@ def add_verbs(verbs: Verbs) -> None:
         "how often grasps succeed if the verdicts are followed",
         "Hold verdicts against outcomes: the success rate when always attempting, the one when\n"
         "following the verdicts, and how many are attempted then; with 95 % intervals by drawing\n"
-        "scenes. The outcomes should be of scenes that training has not seen.",
+        "scenes. The outcomes should be of scenes that training has not seen, and of the same\n"
+        "estimator and dataset as the verdicts, whose file names neither.",
     )
     verb.add_argument(
         "--verdicts", metavar="FILE", type=Path, required=True, help="what predict has written"

@@ -111,7 +111,7 @@ def _add_tables(verb: argparse.ArgumentParser) -> None:
 
 def _size(text: str) -> tuple[int, int]:
     width, _, height = text.partition("x")
-    if not (width.isdigit() and height.isdigit()):
+    if not (width.isdecimal() and height.isdecimal()):
         raise argparse.ArgumentTypeError(f"WxH is needed, for example 640x480, not {text!r}")
     size = int(width), int(height)
     # The encoder takes even numbers only.

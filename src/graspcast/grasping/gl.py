@@ -75,6 +75,7 @@ def open_context(width: int, height: int) -> Any:
             from mujoco.rendering.classic.gl_context import GLContext
         context = GLContext(width, height)
         context.make_current()
+        _try_to_draw()
     except Exception as error:  # each backend and driver fails in its own way
         package = getattr(error, "name", None) or ""
         if isinstance(error, ModuleNotFoundError) and package.split(".")[0] in ("OpenGL", "glfw"):
@@ -93,3 +94,11 @@ def open_context(width: int, height: int) -> Any:
             f"({type(error).__name__}: {error}); {remedy}"
         ) from error
     return context
+
+
+def _try_to_draw() -> None:
+    """Raise what MuJoCo raises where the context is there, but nothing can be drawn with it."""
+    import mujoco
+
+    smallest = mujoco.MjModel.from_xml_string("<mujoco/>")
+    mujoco.MjrContext(smallest, mujoco.mjtFontScale.mjFONTSCALE_50).free()

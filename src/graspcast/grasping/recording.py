@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from graspcast.errors import InputError
 from graspcast.geometry import invert, rotation_angle, transform
 from graspcast.grasping.trial import Outcome, TrialRunner
 from graspcast.grasping.types import Grasp
@@ -99,6 +100,9 @@ def record_trial(
             seen.append((phase, float(data.time), *poses, data.qpos[joints]))
 
     outcome = runner.run(obj_T_est, grasp, early_stop=early_stop, record=record)
+    if not seen:
+        away = float(np.linalg.norm(obj_T_est[:3, 3]))
+        raise InputError(f"the estimate is {away:.3g} m off: there is nothing to be seen of this")
     states = _timed(seen, runner.settings.approach_speed)
     return Recording(outcome, states, runner.grasp_object.sim_T_ref @ obj_T_est)
 

@@ -63,7 +63,7 @@ class Interval:
 
     def __format__(self, sign: str) -> str:
         value, low, high = (f"{x:{sign}.3f}" for x in (self.value, self.low, self.high))
-        return f"{value} [{low}, {high}]"
+        return value if self.low != self.low else f"{value} [{low}, {high}]"
 
     def __str__(self) -> str:
         return format(self)

@@ -72,8 +72,10 @@ def check_estimator(
             checks.append(Check(name, True, check(estimator, bench)))
         except (UnmetError, GraspcastError) as problem:
             checks.append(Check(name, False, str(problem)))
-            if name in _NEEDED:
-                break
+        except Exception as problem:  # whatever a foreign estimator raises is what is to be told
+            checks.append(Check(name, False, f"raised {type(problem).__name__}: {problem}"))
+        if not checks[-1].passed and name in _NEEDED:
+            break
     return EstimatorReport(str(getattr(estimator, "name", estimator)), tuple(checks))
 
 
@@ -131,6 +133,8 @@ def _rigid(estimator: Estimator, bench: _Bench) -> str:
     scores = np.concatenate([p.score for p in bench.said])
     if not (np.isfinite(poses).all() and np.isfinite(scores).all()):
         raise UnmetError("a pose or a score is not finite; the identity stands for 'nothing found'")
+    if scores.min() < 0 or scores.max() > 1:
+        raise UnmetError(f"scores go from {scores.min():g} to {scores.max():g}, beyond 0 and 1")
     distance = np.abs(poses[:, :3, :3] - project_to_rotation(poses[:, :3, :3])).max()
     if distance > _RIGID or not (poses[:, 3] == [0, 0, 0, 1]).all():
         raise UnmetError(f"a pose is {distance:.3g} away from a rigid transform")

@@ -14,11 +14,11 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from io import TextIOBase
 from pathlib import Path
-from threading import Thread
+from threading import Thread, current_thread, main_thread
 from typing import Any
 
 from graspcast.errors import EstimatorFailedError, InputError, UnknownNameError
@@ -117,7 +117,9 @@ def run_command(
         reader.start()
     problem = None
     try:
-        if code := process.wait(timeout_s):
+        with _told_to_end():
+            code = process.wait(timeout_s)
+        if code:
             problem = (
                 f"was ended by signal {-code}" if code < 0 else f"failed with exit code {code}"
             )
@@ -129,6 +131,23 @@ def run_command(
             reader.join(_GRACE_S)
     if problem:
         raise EstimatorFailedError(command, problem, list(last))
+
+
+@contextmanager
+def _told_to_end() -> Iterator[None]:
+    """Whoever is told to end (job schedulers, timeout) first ends what it has started."""
+
+    def stop(number: int, frame: object) -> None:
+        raise SystemExit(128 + number)
+
+    if current_thread() is not main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _end(process: subprocess.Popen[str]) -> None:

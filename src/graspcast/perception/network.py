@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["CropEstimator", "Network", "TrainedObject"]
 
 _METADATA = "graspcast"
+_LARGEST = 8
+"""Boxes are amodal, so they reach beyond the image; a crop of one larger still shows nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,41 +82,50 @@ class Network:
             raise FormatError(
                 self.path, f"is not an ONNX network that onnxruntime can run ({error})"
             ) from error
-        about = self._about(family)
-        self.pixels: int = about["pixels"]
-        self.made: Mapping[str, Any] = about["made"]
-        self.objects = {
-            entry["obj_id"]: TrainedObject(
-                entry["obj_id"],
-                entry["diameter_m"],
-                np.array(entry["lower"]),
-                np.array(entry["size"]),
-                np.array(entry["keypoints"]).reshape(-1, 3),
+        try:
+            about = json.loads(self._metadata())
+            made_for = str(about["family"])
+            self.pixels = int(about["pixels"])
+            self.made: Mapping[str, Any] = dict(about["made"])
+            self.objects = {entry["obj_id"]: _trained(entry) for entry in about["objects"]}
+        except (KeyError, TypeError, ValueError) as error:
+            raise FormatError(
+                self.path, f"what training wrote into it is damaged ({error})"
+            ) from error
+        if made_for != family:
+            raise FormatError(
+                self.path, f"holds weights of the estimator {made_for}, not of {family}"
             )
-            for entry in about["objects"]
-        }
         self._index = {obj_id: k for k, obj_id in enumerate(self.objects)}
 
     def __call__(self, crop: UInt8[ndarray, "s s 3"], obj_id: int) -> list[Float[ndarray, "..."]]:
         """The network's outputs for one crop in which an object is looked for."""
         image = np.ascontiguousarray(crop.transpose(2, 0, 1)[None], dtype=np.float32) / 255
         number = np.array([self._index[obj_id]], dtype=np.int64)
-        outputs = self._session.run(None, {"image": image, "object": number})
+        try:
+            outputs = self._session.run(None, {"image": image, "object": number})
+        except Exception as error:  # as above
+            raise FormatError(self.path, f"does not run ({error})") from error
         return [np.asarray(output[0], dtype=np.float64) for output in outputs]
 
-    def _about(self, family: str) -> dict[str, Any]:
-        text = self._session.get_modelmeta().custom_metadata_map.get(_METADATA)
+    def _metadata(self) -> str:
+        text: str | None = self._session.get_modelmeta().custom_metadata_map.get(_METADATA)
         if text is None:
             raise FormatError(
                 self.path,
                 "was not made by graspcast's training, which writes objects and sizes into it",
             )
-        about: dict[str, Any] = json.loads(text)
-        if about["family"] != family:
-            raise FormatError(
-                self.path, f"holds weights of the estimator {about['family']}, not of {family}"
-            )
-        return about
+        return text
+
+
+def _trained(entry: Mapping[str, Any]) -> TrainedObject:
+    return TrainedObject(
+        int(entry["obj_id"]),
+        float(entry["diameter_m"]),
+        np.array(entry["lower"], dtype=np.float64).reshape(3),
+        np.array(entry["size"], dtype=np.float64).reshape(3),
+        np.array(entry["keypoints"], dtype=np.float64).reshape(-1, 3),
+    )
 
 
 class CropEstimator(ABC):
@@ -175,6 +186,11 @@ class CropEstimator(ABC):
             x, y, w, h = box
             if not (np.isfinite(box).all() and w > 0 and h > 0):
                 raise InputError(f"{self.name}: the box {box.tolist()} of object {obj_id} is empty")
+            if max(w, h) > _LARGEST * max(shape[:2]):
+                raise InputError(
+                    f"{self.name}: the box {box.tolist()} of object {obj_id} is more than "
+                    f"{_LARGEST} times as large as the image; is it in pixels?"
+                )
             if x >= shape[1] or y >= shape[0] or x + w <= 0 or y + h <= 0:
                 raise InputError(
                     f"{self.name}: the box {box.tolist()} of object {obj_id} lies outside of the "

@@ -176,6 +176,8 @@ def _accept(
     except FormatError as error:
         raise FormatError(source, error.problem, where=error.where) from error
     results = _belonging(results, dataset, detections if told else None, lenient=lenient)
+    if not len(results):
+        raise FormatError(source, f"holds no pose; there were {len(detections)} detections")
     write_results(out, results)
     return replace(results, source=str(out))
 

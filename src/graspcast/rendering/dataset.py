@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import platform
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Sequence
@@ -26,7 +27,7 @@ from graspcast.bop.detections import MIN_VISIBLE_SHARE, jittered, write_detectio
 from graspcast.bop.meshes import read_coloured_mesh
 from graspcast.bop.models import Models
 from graspcast.bop.units import millimetres
-from graspcast.errors import InputError
+from graspcast.errors import FormatError, InputError
 from graspcast.geometry import invert
 from graspcast.rendering.camera import INTRINSICS, View, random_view
 from graspcast.rendering.renderer import Frame, Renderer
@@ -84,6 +85,11 @@ def read_models(
         mesh, colours = read_coloured_mesh(
             models.directory / f"obj_{models[obj_id].obj_id:06d}.ply"
         )
+        if not len(mesh.faces):
+            raise FormatError(
+                models.directory / f"obj_{obj_id:06d}.ply",
+                "has no faces, only points, so it cannot be drawn",
+            )
         out[obj_id] = ColouredMesh(mesh.vertices, mesh.faces, colours)
     return out
 
@@ -116,6 +122,8 @@ def render_dataset(
         FormatError, UnknownNameError: as :func:`read_models`.
     """
     settings = settings or RenderSettings()
+    if not re.fullmatch(r"\w+", split) or split == "models":
+        raise InputError(f"a split is a plain name such as test, and not models: {split!r}")
     out = Path(out)
     meshes = read_models(models, obj_ids)
     try:

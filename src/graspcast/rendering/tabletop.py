@@ -66,7 +66,14 @@ class Tabletop:
             raise InputError("there is no object to put on the table")
         self.obj_ids = tuple(meshes)
         spec = _spec(meshes, width, height)
-        self.model = spec.compile()
+        try:
+            self.model = spec.compile()
+        except ValueError as error:
+            first = str(error).splitlines()[0]
+            raise InputError(
+                f"objects {', '.join(map(str, meshes))}: MuJoCo refuses a mesh ({first}); are all "
+                "solid, and their vertices in millimetres?"
+            ) from error
         # What has been knocked over is to stop rolling before it leaves the table.
         self.model.dof_damping[:] = np.tile(3 * [0.2] + 3 * [5e-4], self.model.njnt)
         self.data = mujoco.MjData(self.model)
