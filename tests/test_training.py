@@ -71,7 +71,7 @@ def raw(n: int = 16) -> dict[str, object]:
     }
 
 
-def generator() -> object:
+def generator() -> torch.Generator:
     return torch.Generator().manual_seed(0)
 
 
@@ -89,7 +89,7 @@ def test_terms_are_those_that_the_estimators_undo(objects: Objects) -> None:
 def test_a_jittered_crop_is_turned_about_its_ray(objects: Objects) -> None:
     # Points projected through the turned crop are where the allocentric terms put them.
     batch = make_batch(raw(), objects, generator())
-    points = torch.randn(len(batch.obj), 5, 3) * 0.02
+    points = torch.randn(len(batch.obj), 5, 3, generator=generator()) * 0.02
     place = batch.project(points)
     ray = points @ batch.rotation.mT
     z = torch.exp(batch.site[:, 2]) * K[0, 0] * float(np.linalg.norm(SIZE)) / batch.crop[:, 2]
