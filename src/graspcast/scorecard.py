@@ -13,7 +13,7 @@ from graspcast.errors import InputError, UnknownNameError
 from graspcast.learning.resampling import Interval, every_scene_and_draws
 from graspcast.verdict import VerdictRow
 
-__all__ = ["Scorecard", "score_verdicts", "verdict_table"]
+__all__ = ["Scorecard", "score_verdicts", "verdict_table", "with_outcomes"]
 
 _KEYS = ("scene_id", "im_id", "obj_id", "inst_id", "gripper")
 
@@ -69,6 +69,12 @@ def verdict_table(rows: Sequence[VerdictRow]) -> pl.DataFrame:
     return table.with_columns(inst_id=pl.int_range(pl.len()).over(same))
 
 
+def with_outcomes(verdicts: Sequence[VerdictRow], outcomes: pl.DataFrame) -> pl.DataFrame:
+    """:func:`verdict_table` of those that have an outcome, with ``success`` (0 or 1) beside."""
+    keys = list(_KEYS)
+    return verdict_table(verdicts).join(outcomes.select(*keys, "success"), on=keys, how="inner")
+
+
 def score_verdicts(
     verdicts: Sequence[VerdictRow],
     outcomes: pl.DataFrame,
@@ -100,11 +106,10 @@ def score_verdicts(
     ):
         outcomes = _only(outcomes, column, option, name)
     known = outcomes["gripper"].unique().sort().to_list()
-    table = verdict_table(verdicts)
-    for gripper in table["gripper"].unique().sort():
+    for gripper in sorted({row.gripper for row in verdicts}):
         if gripper not in known:
             raise UnknownNameError("gripper", gripper, known, hint="These have outcomes")
-    both = table.join(outcomes.select(*_KEYS, "success"), on=list(_KEYS), how="inner")
+    both = with_outcomes(verdicts, outcomes)
     if not len(both):
         raise InputError("no outcome is about any of the verdicts: are they of the same images?")
     scene, numbers = np.unique(both["scene_id"].to_numpy().astype(str), return_inverse=True)

@@ -195,12 +195,12 @@ def _range(scenes: list[int]) -> list[str]:
 def _with_outcomes(verdicts: Path, trials: Path) -> pl.DataFrame:
     """Verdicts, and what came of the grasps; drawn at random, but the same each time."""
     from graspcast.outcomes import read_outcomes
-    from graspcast.scorecard import verdict_table
+    from graspcast.scorecard import with_outcomes
     from graspcast.verdict import read_verdicts
 
-    keys = ["scene_id", "im_id", "obj_id", "inst_id", "gripper"]
-    both = verdict_table(read_verdicts(verdicts)).join(read_outcomes(trials), on=keys)
-    return both.sort(keys).sample(fraction=1.0, shuffle=True, seed=_SEED)
+    both = with_outcomes(read_verdicts(verdicts), read_outcomes(trials))
+    ordered = both.sort("scene_id", "im_id", "obj_id", "inst_id", "gripper")
+    return ordered.sample(fraction=1.0, shuffle=True, seed=_SEED)
 
 
 def _some_images(seen: pl.DataFrame) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float32, UInt8
 from numpy import ndarray
 
 from graspcast.grasping.gl import open_context
@@ -28,21 +28,41 @@ class OpenGLDrawer:
         self._mjr: Any = None
         import mujoco
 
-        self.width, self.height = width, height
+        self.model, self.width, self.height = model, width, height
         self._context = open_context(width, height)
         self._mjr = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr)
 
     def draw(self, scene: Any) -> UInt8[ndarray, "h w 3"]:
         """A picture of an ``MjvScene`` that has been updated."""
+        pixels = np.empty((self.height, self.width, 3), dtype=np.uint8)
+        self._read(scene, pixels, None)
+        return pixels[::-1].copy()
+
+    def draw_with_depth(
+        self, scene: Any, width: int, height: int
+    ) -> tuple[UInt8[ndarray, "h w 3"], Float32[ndarray, "h w"]]:
+        """A picture of this size, the largest or smaller, and OpenGL's depth from 0 to 1."""
+        pixels = np.empty((height, width, 3), dtype=np.uint8)
+        depth = np.empty((height, width), dtype=np.float32)
+        self._read(scene, pixels, depth)
+        return pixels[::-1].copy(), depth[::-1].copy()
+
+    def upload(self, texture: int) -> None:
+        """Take over a texture of the model that has changed, by MuJoCo's number."""
         import mujoco
 
         self._context.make_current()
-        area = mujoco.MjrRect(0, 0, self.width, self.height)
+        mujoco.mjr_uploadTexture(self.model, self._mjr, texture)
+
+    def _read(self, scene: Any, pixels: ndarray, depth: ndarray | None) -> None:
+        """Draw into arrays, whose first row is the lowest."""
+        import mujoco
+
+        self._context.make_current()
+        area = mujoco.MjrRect(0, 0, pixels.shape[1], pixels.shape[0])
         mujoco.mjr_render(area, scene, self._mjr)
-        pixels = np.empty((self.height, self.width, 3), dtype=np.uint8)
-        mujoco.mjr_readPixels(pixels, None, area, self._mjr)
-        return pixels[::-1].copy()
+        mujoco.mjr_readPixels(pixels, depth, area, self._mjr)
 
     def close(self) -> None:
         """Free what is held on the graphics card."""

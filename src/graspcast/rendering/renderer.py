@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray
 
 from graspcast.geometry import invert
-from graspcast.grasping.gl import open_context
+from graspcast.grasping.gl_drawer import OpenGLDrawer
 from graspcast.rendering.camera import View
 from graspcast.rendering.tabletop import Tabletop
 
@@ -53,29 +53,22 @@ class Renderer:
     def __init__(
         self, tabletop: Tabletop, K: Float[ndarray, "3 3"], *, width: int = 640, height: int = 480
     ):
-        self._context: Any = None
-        self._mjr: Any = None
         import mujoco
 
         self.tabletop, self.K, self.width, self.height = tabletop, K, width, height
-        self._context = open_context(2 * width, 2 * height)
+        self._drawer = OpenGLDrawer(tabletop.model, 2 * width, 2 * height)
         self._scene = mujoco.MjvScene(tabletop.model, maxgeom=200)
-        self._mjr = mujoco.MjrContext(tabletop.model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr)
 
     def new_layout(self) -> None:
         """Take over the surfaces of a tabletop that has been laid out anew."""
-        import mujoco
-
-        self._context.make_current()
         for texture in self.tabletop.surfaces:
-            mujoco.mjr_uploadTexture(self.tabletop.model, self._mjr, texture)
+            self._drawer.upload(texture)
 
     def frame(self, view: View) -> Frame:
         """What the camera sees."""
         self._shine(view)
         self._look(view, self.K, self.width, self.height, range(6))
-        rgb, depth = self._draw(self.width, self.height)
+        rgb, depth = self._drawer.draw_with_depth(self._scene, self.width, self.height)
         rgb[depth == 1.0] = view.light.sky
         label = self._labels(self.width, self.height)
         cam_T_obj = invert(view.sim_T_cam) @ self.tabletop.poses()
@@ -97,11 +90,7 @@ class Renderer:
 
     def close(self) -> None:
         """Free what is held on the graphics card."""
-        if self._mjr is not None:
-            self._context.make_current()
-            self._mjr.free()
-            self._context.free()
-        self._context = self._mjr = None
+        self._drawer.close()
 
     def __enter__(self) -> Renderer:
         return self
@@ -139,23 +128,12 @@ class Renderer:
             camera.frustum_top, camera.frustum_bottom = top, bottom
             camera.frustum_near, camera.frustum_far = _NEAR, _FAR
 
-    def _draw(self, width: int, height: int) -> tuple[ndarray, ndarray]:
-        import mujoco
-
-        self._context.make_current()
-        area = mujoco.MjrRect(0, 0, width, height)
-        mujoco.mjr_render(area, self._scene, self._mjr)
-        rgb = np.empty((height, width, 3), dtype=np.uint8)
-        depth = np.empty((height, width), dtype=np.float32)
-        mujoco.mjr_readPixels(rgb, depth, area, self._mjr)
-        return rgb[::-1].copy(), depth[::-1].copy()
-
     def _labels(self, width: int, height: int) -> Int[ndarray, "h w"]:
         import mujoco
 
         scene, flags = self._scene, self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
-        rgb, _ = self._draw(width, height)
+        rgb, _ = self._drawer.draw_with_depth(self._scene, width, height)
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
         number = rgb[..., 0].astype(np.int64)  # fewer than 255 geoms, so the first byte tells all
         index_of = {int(geom): k for k, geom in enumerate(self.tabletop.geoms)}
