@@ -18,8 +18,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError
-from graspcast.files import atomic_write
 from graspcast.geometry import rotation_from_vector, rotation_vector, transform
+from graspcast.io.tables import read_csv, read_parquet
 
 __all__ = [
     "ERROR_COLUMNS",
@@ -28,7 +28,6 @@ __all__ = [
     "read_all_outcomes",
     "read_error_outcomes",
     "read_outcomes",
-    "write_table",
 ]
 
 KEYS = ("estimator", "dataset", "scene_id", "im_id", "obj_id", "inst_id", "gripper")
@@ -160,28 +159,14 @@ def read_error_outcomes(
 
 
 def _read(path: Path) -> pl.DataFrame:
-    try:
-        if path.is_dir():
-            whole = path / "outcomes.parquet"
-            shards = [whole] if whole.is_file() else sorted(path.glob("**/*.parquet"))
-            if not shards:
-                raise FormatError(path, "no Parquet files in this directory")
-            return pl.read_parquet(shards)
-        if path.suffix == ".parquet":
-            return pl.read_parquet(path)
-        return pl.read_csv(path, infer_schema_length=None)
-    except OSError as error:
-        raise FormatError(path, f"cannot be read ({error.strerror or error})") from error
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        # A damaged Parquet file can make polars panic, which is no Exception to Python.
-        kind = "a Parquet file" if path.suffix == ".parquet" else "a CSV file"
-        raise FormatError(path, f"is not {kind} ({str(error).splitlines()[0]})") from error
-
-
-def write_table(path: str | PathLike[str], frame: pl.DataFrame) -> None:
-    """Write a table, as Parquet or CSV by the path's ending, whole or not at all."""
-    with atomic_write(path) as temporary:
-        if Path(path).suffix == ".parquet":
-            frame.write_parquet(temporary)
-        else:
-            frame.write_csv(temporary)
+    if path.is_dir():
+        whole = path / "outcomes.parquet"
+        shards = [whole] if whole.is_file() else sorted(path.glob("**/*.parquet"))
+        if not shards:
+            raise FormatError(path, "no Parquet files in this directory")
+        parts = [read_parquet(shard) for shard in shards]
+        try:
+            return pl.concat(parts)
+        except pl.exceptions.PolarsError as error:
+            raise FormatError(path, "its Parquet files have different columns") from error
+    return read_parquet(path) if path.suffix == ".parquet" else read_csv(path)

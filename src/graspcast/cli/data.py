@@ -85,7 +85,7 @@ def _errors(options: argparse.Namespace) -> None:
     import polars as pl
 
     from graspcast.error_shape import MEASURED
-    from graspcast.outcomes import write_table
+    from graspcast.io.tables import write_table
     from graspcast.truth import MEASURES, measure, summarise
 
     inputs = inputs_of(options)

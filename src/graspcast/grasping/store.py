@@ -15,7 +15,6 @@ reading undoes.
 
 from __future__ import annotations
 
-import io
 import json
 import uuid
 from collections.abc import Iterator, Mapping
@@ -27,8 +26,9 @@ from typing import Any
 import polars as pl
 
 from graspcast.errors import FormatError, InputError, MismatchError
-from graspcast.files import atomic_write, write_text
+from graspcast.files import write_text
 from graspcast.grasping.requests import KEY_COLUMNS
+from graspcast.io.tables import read_parquet, write_table
 from graspcast.outcomes import ERROR_COLUMNS
 
 __all__ = ["COLUMNS", "Store"]
@@ -194,21 +194,16 @@ class Store:
         return list((self.directory / SHARDS).glob(pattern))
 
     def _write(self, path: Path, outcomes: pl.DataFrame) -> None:
-        # Through memory, so that a full disk is an OSError that atomic_write knows.
-        buffer = io.BytesIO()
-        outcomes.select(pl.col(name).cast(kind) for name, kind in COLUMNS.items()).write_parquet(
-            buffer
-        )
-        with atomic_write(path) as temporary:
-            temporary.write_bytes(buffer.getvalue())
+        kept = outcomes.select(pl.col(name).cast(kind) for name, kind in COLUMNS.items())
+        write_table(path, kept)
 
 
 def _read(path: Path) -> pl.DataFrame:
     try:
-        part = pl.read_parquet(path, use_pyarrow=False)
-    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        part = read_parquet(path)
+    except FormatError as error:
         raise FormatError(
-            path, f"is damaged ({error}); remove it, and its trials are run again"
+            path, f"is damaged ({error.problem}); remove it, and its trials are run again"
         ) from error
     if dict(part.schema) != COLUMNS:
         raise FormatError(path, f"should have the columns {', '.join(COLUMNS)}")

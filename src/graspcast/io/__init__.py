@@ -1,0 +1,1 @@
+"""Files: atomic writes, locks, JSON, TOML, tables, Markdown, digests, conformance reports."""
