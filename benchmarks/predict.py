@@ -29,8 +29,8 @@ from graspcast import (
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results, read_results, write_results
 from graspcast.estimates import align
-from graspcast.geometry import rotation_from_quaternion, transform
 from graspcast.learning.mlp_training import MlpSettings
+from graspcast.pose.transforms import rotation_from_quaternion, transform
 from graspcast.verdict import verdict_rows, write_verdicts
 
 N = 10_000

@@ -20,11 +20,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from graspcast.geometry import exp
 from graspcast.grasping import trial
 from graspcast.grasping.conformance import test_column
 from graspcast.grasping.grippers import GRIPPERS, load_gripper
 from graspcast.grasping.types import ConvexPiece, Grasp, GraspObject
+from graspcast.pose.transforms import exp
 
 
 class Stopwatch:

@@ -14,9 +14,9 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.detections import Detections, read_detections
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
-from graspcast.geometry import transform
 from graspcast.perception.estimator import Poses
 from graspcast.perception.run import run_external
+from graspcast.pose.transforms import transform
 
 SCRIPT = Path(__file__).parent / "perception" / "foreign_estimator.py"
 

@@ -9,7 +9,7 @@ from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
 from graspcast.bop.results import Results
-from graspcast.geometry import transform
+from graspcast.pose.transforms import transform
 
 
 def random_poses(n: int, seed: int = 0, *, depth_m: float = 1.0) -> ndarray:

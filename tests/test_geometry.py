@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from graspcast import geometry as g
+from graspcast.pose import transforms as g
 from poses import random_poses
 
 SMALL = st.floats(-3, 3, allow_subnormal=False)

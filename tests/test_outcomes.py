@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from graspcast.errors import FormatError
+from graspcast.io.tables import write_table
 from graspcast.outcomes import (
     ERROR_COLUMNS,
     KEYS,
@@ -19,7 +20,6 @@ from graspcast.outcomes import (
     read_error_outcomes,
     read_outcomes,
 )
-from graspcast.io.tables import write_table
 from poses import random_poses
 
 HEADER = "estimator,dataset,scene_id,im_id,obj_id,gripper,success"

@@ -10,10 +10,10 @@ from numpy.testing import assert_allclose
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
-from graspcast import pose_error as e
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import read_results
-from graspcast.geometry import rotation_from_vector, transform, transform_points
+from graspcast.pose import metrics as e
+from graspcast.pose.transforms import rotation_from_vector, transform, transform_points
 from poses import nudged, random_poses
 
 POINTS = np.random.default_rng(7).normal(scale=0.05, size=(60, 3))

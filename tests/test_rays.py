@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from graspcast.geometry import rotation_from_vector, transform
-from graspcast.rays import displaced, error_along, obj_R_ray, ray_frame, relative
+from graspcast.pose.ray_frame import displaced, error_along, obj_R_ray, ray_frame, relative
+from graspcast.pose.transforms import rotation_from_vector, transform
 from poses import nudged, random_poses
 
 N = 12

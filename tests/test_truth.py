@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from graspcast.bop.dataset import BopDataset, GroundTruth
 from graspcast.bop.results import Results, read_results
 from graspcast.errors import MismatchError, UnknownNameError
-from graspcast.geometry import transform_points
+from graspcast.pose.transforms import transform_points
 from graspcast.published import Published
 from graspcast.truth import MEASURES, match, measure, summarise
 from poses import nudged, random_poses, results_of, write_models

@@ -16,8 +16,8 @@ from scipy.spatial import ConvexHull
 from graspcast.bop.meshes import read_coloured_mesh
 from graspcast.bop.models import Models
 from graspcast.files import atomic_write
-from graspcast.geometry import invert, transform_points
 from graspcast.perception.crops import Crop, cut
+from graspcast.pose.transforms import invert, transform_points
 from graspcast.rendering.camera import INTRINSICS, random_view
 from graspcast.rendering.renderer import Frame, Renderer
 from graspcast.rendering.tabletop import ColouredMesh, Tabletop

@@ -11,7 +11,7 @@ Three sets:
 - ``rich``: differences seen from the principal's object frame, with the supporter's pose turned by
   the object's symmetry that brings it nearest; along the viewing ray and across it, relative to the
   depth; ADD; differences among supporters; the viewing direction and the depth.
-- ``full``: those, and the differences in the principal's ray frame (:mod:`graspcast.rays`), which
+- ``full``: those, and the differences in the principal's ray frame (:mod:`graspcast.pose.ray_frame`), which
   know nothing of the object, so that what is learned on one holds for another.
 """
 
@@ -29,9 +29,9 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates import Estimates
-from graspcast.geometry import compose, euler_zyx, invert, rotation_vector
-from graspcast.pose_error import add, nearest_symmetric
-from graspcast.rays import obj_R_ray, relative
+from graspcast.pose.metrics import add, nearest_symmetric
+from graspcast.pose.ray_frame import obj_R_ray, relative
+from graspcast.pose.transforms import compose, euler_zyx, invert, rotation_vector
 
 __all__ = ["FEATURE_SETS", "FeatureSet", "Features", "consensus_features", "describe", "mean_add"]
 

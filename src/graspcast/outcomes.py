@@ -18,8 +18,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError
-from graspcast.geometry import rotation_from_vector, rotation_vector, transform
 from graspcast.io.tables import read_csv, read_parquet
+from graspcast.pose.transforms import rotation_from_vector, rotation_vector, transform
 
 __all__ = [
     "ERROR_COLUMNS",

@@ -7,7 +7,7 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from graspcast.bop.meshes import Mesh
-from graspcast.geometry import transform_points
+from graspcast.pose.transforms import transform_points
 from graspcast.raster import Canvas
 
 __all__ = ["draw_overlay"]

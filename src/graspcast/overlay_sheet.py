@@ -16,7 +16,7 @@ from graspcast.bop.results import Results
 from graspcast.errors import FormatError, InputError
 from graspcast.estimates import partners, rows_in_image
 from graspcast.overlay import draw_overlay
-from graspcast.pose_error import rotation_error, translation_error
+from graspcast.pose.metrics import rotation_error, translation_error
 from graspcast.sheet import BAD, FAINT, GOOD, INK, blank, width_of, write
 from graspcast.truth import match
 from graspcast.verdict import VerdictRow

@@ -9,13 +9,13 @@ import polars as pl
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from graspcast import pose_error
 from graspcast.bop.dataset import BopDataset, GroundTruth
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
 from graspcast.estimates import Estimates, assign, instance_numbers
-from graspcast.pose_error import nearest_symmetric
+from graspcast.pose import metrics
+from graspcast.pose.metrics import nearest_symmetric
 
 __all__ = ["MEASURES", "match", "measure", "nearest_truth", "summarise", "true_poses"]
 
@@ -172,13 +172,13 @@ def _measures(
         return models.mesh(obj_id).vertices
 
     return {
-        "rotation_deg": lambda: np.degrees(pose_error.rotation_error(est, true, symmetries)),
-        "translation_mm": lambda: 1000 * pose_error.translation_error(est, true),
-        "ray_share": lambda: pose_error.ray_share(est, true),
-        "add_mm": lambda: 1000 * pose_error.add(est, true, points()),
-        "add_s_mm": lambda: 1000 * pose_error.add_s(est, true, points()),
-        "mssd_mm": lambda: 1000 * pose_error.mssd(est, true, points(), symmetries),
-        "mspd_px": lambda: pose_error.mspd(est, true, points(), symmetries, K),
+        "rotation_deg": lambda: np.degrees(metrics.rotation_error(est, true, symmetries)),
+        "translation_mm": lambda: 1000 * metrics.translation_error(est, true),
+        "ray_share": lambda: metrics.ray_share(est, true),
+        "add_mm": lambda: 1000 * metrics.add(est, true, points()),
+        "add_s_mm": lambda: 1000 * metrics.add_s(est, true, points()),
+        "mssd_mm": lambda: 1000 * metrics.mssd(est, true, points(), symmetries),
+        "mspd_px": lambda: metrics.mspd(est, true, points(), symmetries, K),
     }
 
 

@@ -12,12 +12,12 @@ import numpy as np
 import polars as pl
 
 from graspcast.errors import GraspcastError
-from graspcast.geometry import exp
 from graspcast.grasping.campaign import run_campaign
 from graspcast.grasping.executors import LocalExecutor
 from graspcast.grasping.grasps import read_grasps
 from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
 from graspcast.grasping.work import load_pairs
+from graspcast.pose.transforms import exp
 
 
 def make_requests(count: int, grippers: tuple[str, ...] = ("parallel",)) -> TrialRequests:

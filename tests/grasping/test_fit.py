@@ -10,7 +10,6 @@ from numpy import ndarray
 from solids import box
 
 from graspcast.errors import InputError
-from graspcast.geometry import exp, invert, transform_points
 from graspcast.grasping.candidates import OpenHand, propose, surface_points, vary
 from graspcast.grasping.fit import SearchEffort, fit_grasp, jitter_held, report_grasp, simulated
 from graspcast.grasping.grippers import load_gripper
@@ -19,6 +18,7 @@ from graspcast.grasping.requests import TrialRequests
 from graspcast.grasping.sample import FittedTrials
 from graspcast.grasping.trial import TrialRunner
 from graspcast.grasping.types import Grasp, GraspObject
+from graspcast.pose.transforms import exp, invert, transform_points
 
 SMALL = SearchEffort(proposals=60, racers=6, children=3, first=6, last=24, choose=24)
 HANDS = ("parallel", "underactuated")

@@ -15,12 +15,12 @@ import pytest
 from solids import IDENTITY, box, from_above
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
-from graspcast.geometry import transform
 from graspcast.grasping.conformance import check_gripper
 from graspcast.grasping.gripper import Closing, Equilibrium, Gripper, gripper_digest
 from graspcast.grasping.grippers import GRIPPERS, FrankaHand, TendonHand, load_gripper
 from graspcast.grasping.trial import TrialRunner
 from graspcast.grasping.types import Grasp
+from graspcast.pose.transforms import transform
 
 THREE_JAW = Path(__file__).parent / "data" / "three_jaw.toml"
 

@@ -8,13 +8,13 @@ import pytest
 import trimesh
 
 from graspcast.errors import ExtraMissingError, FormatError, InputError, UnknownNameError
-from graspcast.geometry import quaternion, rotation_angle, rotation_from_quaternion
 from graspcast.grasping import objects
 from graspcast.grasping.catalogue import read_catalogue
 from graspcast.grasping.decomposition import Decomposition
 from graspcast.grasping.objects import load_mesh, load_object, with_physics
 from graspcast.grasping.rest import rest_pose, stable_ups
 from graspcast.grasping.types import ConvexPiece, GraspObject, Primitive
+from graspcast.pose.transforms import quaternion, rotation_angle, rotation_from_quaternion
 
 NAMES = list(read_catalogue())
 MUG = """

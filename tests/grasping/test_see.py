@@ -19,7 +19,6 @@ from solids import IDENTITY, box, from_above
 
 from graspcast.cli import main
 from graspcast.errors import ExtraMissingError
-from graspcast.geometry import transform
 from graspcast.grasping.appearance import Appearance
 from graspcast.grasping.grasps import ReferenceGrasp, write_grasps
 from graspcast.grasping.grippers import load_gripper
@@ -29,6 +28,7 @@ from graspcast.grasping.render import SceneRenderer
 from graspcast.grasping.trial import TrialRunner
 from graspcast.grasping.types import Grasp
 from graspcast.grasping.viewer import replay
+from graspcast.pose.transforms import transform
 
 SOURCE = Path(__file__).parents[2] / "src"
 SIZE = 96

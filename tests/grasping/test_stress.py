@@ -9,11 +9,11 @@ import pytest
 from solids import IDENTITY, box, from_above
 
 from graspcast.errors import InputError
-from graspcast.geometry import transform
 from graspcast.grasping.grippers import FrankaHand
 from graspcast.grasping.stress import Stress, graded, stress
 from graspcast.grasping.trial import TrialRunner
 from graspcast.grasping.types import Grasp
+from graspcast.pose.transforms import transform
 
 
 @pytest.fixture(scope="module")

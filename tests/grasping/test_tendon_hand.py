@@ -10,10 +10,10 @@ import pytest
 from solids import IDENTITY, box, cylinder, from_above, sphere
 
 from graspcast.errors import InputError
-from graspcast.geometry import transform
 from graspcast.grasping.grippers import TendonHand
 from graspcast.grasping.trial import TrialRunner
 from graspcast.grasping.types import Grasp, GraspObject
+from graspcast.pose.transforms import transform
 
 DIGITS = ("thumb", "upper", "lower")
 

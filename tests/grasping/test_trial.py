@@ -17,12 +17,12 @@ from numpy import ndarray
 from solids import IDENTITY, box, cylinder, errors, from_above, raised, sphere
 
 from graspcast.errors import InputError, MismatchError
-from graspcast.geometry import exp, invert, transform
 from graspcast.grasping import trial as trial_module
 from graspcast.grasping.grippers import FrankaHand, TendonHand, load_gripper
 from graspcast.grasping.scene import HAND, Scene
 from graspcast.grasping.trial import REASONS, Outcome, TrialRunner, TrialSettings
 from graspcast.grasping.types import Grasp, GraspObject, Primitive
+from graspcast.pose.transforms import exp, invert, transform
 
 HEIGHTS = {"parallel": 0.025, "underactuated": 0.005}
 GRIPPERS = sorted(HEIGHTS)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import synthetic
 from graspcast.learning.forests import Forest
 from graspcast.learning.two_stage import ErrorModel, Survival, expected_survival
-from graspcast.rays import error_along, obj_R_ray, relative
+from graspcast.pose.ray_frame import error_along, obj_R_ray, relative
 from poses import nudged, random_poses
 
 N, TREES, DRAWS = 90, 9, 30

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from graspcast.geometry import rotation_angle
 from graspcast.perception.crops import Crop, crop_of, cut, ray_rotation
+from graspcast.pose.transforms import rotation_angle
 from poses import random_poses
 
 K = np.array([[572.4, 0.0, 325.3], [0.0, 573.6, 242.0], [0.0, 0.0, 1.0]])

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from graspcast.geometry import rotation_angle, transform_points
 from graspcast.perception.crops import Crop
 from graspcast.perception.dense import DenseEstimator, _expected
 from graspcast.perception.direct import DirectEstimator
 from graspcast.perception.keypoints import KeypointEstimator, _peaks
 from graspcast.perception.network import CropEstimator, TrainedObject
 from graspcast.perception.pnp import pose_from_points
+from graspcast.pose.transforms import rotation_angle, transform_points
 from poses import random_poses
 
 pytest.importorskip("poselib", reason="PoseLib is not installed (extra estimators)")

@@ -19,8 +19,8 @@ from graspcast.bop.dataset import BopDataset, read_targets
 from graspcast.bop.meshes import Mesh, write_mesh
 from graspcast.cli import main
 from graspcast.errors import GraspcastError, InputError, UnknownNameError
-from graspcast.geometry import invert, transform_points
 from graspcast.grasping.gl import open_context
+from graspcast.pose.transforms import invert, transform_points
 from graspcast.rendering.camera import INTRINSICS, random_view
 from graspcast.rendering.dataset import RenderSettings, read_models, render_dataset
 from graspcast.rendering.renderer import Frame, Renderer

@@ -22,7 +22,7 @@ from graspcast.bop.models import Models
 from graspcast.bop.results import MAX_ROTATION_DEVIATION, checked_rotations
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError, InputError
-from graspcast.geometry import transform
+from graspcast.pose.transforms import transform
 
 __all__ = ["BopDataset", "Camera", "GroundTruth", "Target", "read_ground_truth", "read_targets"]
 

@@ -18,7 +18,7 @@ from graspcast.bop.meshes import Mesh, read_mesh
 from graspcast.bop.results import MAX_ROTATION_DEVIATION, checked_rotations
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError, UnknownNameError
-from graspcast.geometry import rotation_from_vector, transform
+from graspcast.pose.transforms import rotation_from_vector, transform
 
 __all__ = ["ContinuousSymmetry", "ModelInfo", "Models", "read_models_info"]
 

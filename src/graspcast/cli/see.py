@@ -200,7 +200,7 @@ def _estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray,
     """``obj_T_est`` as the options say: perfect, off by ``--offset``, or from a results CSV."""
     import numpy as np
 
-    from graspcast.geometry import rotation_from_vector, transform
+    from graspcast.pose.transforms import rotation_from_vector, transform
 
     if not options.estimates:
         if options.image is not None:
@@ -221,8 +221,8 @@ def _estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray,
 
 def _read_estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray, "4 4"]:
     from graspcast.estimates import rows_in_image
-    from graspcast.geometry import invert
     from graspcast.inputs import load_inputs
+    from graspcast.pose.transforms import invert
     from graspcast.truth import match
 
     if entry.obj_id is None:

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.geometry import quaternion
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.recording import State
 from graspcast.grasping.types import ConvexPiece, GraspObject
+from graspcast.pose.transforms import quaternion
 
 __all__ = ["FOVY_DEG", "Appearance"]
 

@@ -16,9 +16,9 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, MismatchError
-from graspcast.geometry import compose, invert, rotation_from_quaternion
 from graspcast.grasping.requests import TrialRequests
-from graspcast.rays import error_along, relative
+from graspcast.pose.ray_frame import error_along, relative
+from graspcast.pose.transforms import compose, invert, rotation_from_quaternion
 from graspcast.truth import match, nearest_truth
 
 __all__ = ["BORROWED", "borrowed_trials"]

@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from graspcast.geometry import compose, exp, invert, transform
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.scene import HAND, Scene
 from graspcast.grasping.types import GraspObject
+from graspcast.pose.transforms import compose, exp, invert, transform
 
 __all__ = ["OpenHand", "propose", "surface_points", "vary"]
 

@@ -18,7 +18,6 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.geometry import exp, invert, transform_points
 from graspcast.grasping.agreement import Agreement, agreement
 from graspcast.grasping.candidates import OpenHand, propose, surface_points, vary
 from graspcast.grasping.grasps import ReferenceGrasp
@@ -27,6 +26,7 @@ from graspcast.grasping.objects import with_physics
 from graspcast.grasping.sample import FittedTrials, StratifiedSample
 from graspcast.grasping.trial import TrialRunner, TrialSettings
 from graspcast.grasping.types import Grasp, GraspObject
+from graspcast.pose.transforms import exp, invert, transform_points
 
 __all__ = [
     "FittedGrasp",

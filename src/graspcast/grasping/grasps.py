@@ -14,10 +14,10 @@ import numpy as np
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.files import write_text
-from graspcast.geometry import quaternion, rotation_from_quaternion, transform
 from graspcast.grasping.objects import with_physics
 from graspcast.grasping.toml_table import TomlTable, read_toml
 from graspcast.grasping.types import Grasp, GraspObject
+from graspcast.pose.transforms import quaternion, rotation_from_quaternion, transform
 
 __all__ = ["GraspTable", "ReferenceGrasp", "grasps_in", "read_grasps", "write_grasps"]
 

@@ -15,9 +15,9 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
 from graspcast.estimates import instance_numbers
-from graspcast.geometry import compose, invert
 from graspcast.grasping.grasps import GraspTable
 from graspcast.grasping.requests import TrialRequests
+from graspcast.pose.transforms import compose, invert
 from graspcast.truth import match
 
 __all__ = ["guided_trials"]

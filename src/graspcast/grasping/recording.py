@@ -10,9 +10,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.geometry import invert, rotation_angle, transform
 from graspcast.grasping.trial import Outcome, TrialRunner
 from graspcast.grasping.types import Grasp
+from graspcast.pose.transforms import invert, rotation_angle, transform
 
 __all__ = ["Recording", "State", "record_trial"]
 

@@ -7,8 +7,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.geometry import rotation_from_vector, transform, transform_points
 from graspcast.grasping.types import ConvexPiece, Piece
+from graspcast.pose.transforms import rotation_from_vector, transform, transform_points
 
 __all__ = ["rest_pose", "stable_ups"]
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.geometry import rotation_angle
+from graspcast.pose.transforms import rotation_angle
 
 __all__ = ["FittedTrials", "StratifiedSample"]
 

@@ -15,11 +15,11 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import MismatchError
-from graspcast.geometry import invert, quaternion, rotation_from_quaternion
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.scene_spec import ARM_STIFFNESS, scene_spec
 from graspcast.grasping.settings import TrialSettings
 from graspcast.grasping.types import ConvexPiece, GraspObject
+from graspcast.pose.transforms import invert, quaternion, rotation_from_quaternion
 
 __all__ = ["HAND", "OBJECT", "TABLE", "Scene", "Touch", "build_scene"]
 

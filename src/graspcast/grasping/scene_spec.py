@@ -13,10 +13,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from graspcast.geometry import quaternion
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.settings import TrialSettings
 from graspcast.grasping.types import ConvexPiece, GraspObject
+from graspcast.pose.transforms import quaternion
 
 __all__ = ["ARM_STIFFNESS", "scene_spec"]
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray
 
-from graspcast.geometry import invert, transform, transform_points
+from graspcast.pose.transforms import invert, transform, transform_points
 from graspcast.raster import Canvas, Lighting, corner_normals
 
 __all__ = ["SoftwareDrawer"]

@@ -12,9 +12,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.geometry import exp
 from graspcast.grasping.trial import Outcome, TrialRunner
 from graspcast.grasping.types import Grasp
+from graspcast.pose.transforms import exp
 
 __all__ = ["Graded", "Stress", "StressOutcome", "graded", "stress"]
 

@@ -16,12 +16,12 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import MismatchError
-from graspcast.geometry import compose, invert
 from graspcast.grasping.certainty import Steadiness, beyond_reach, left_behind_m
 from graspcast.grasping.gripper import Gripper, gripper_digest
 from graspcast.grasping.scene import Scene, build_scene
 from graspcast.grasping.settings import TrialSettings
 from graspcast.grasping.types import ConvexPiece, Grasp, GraspObject, check_rigid
+from graspcast.pose.transforms import compose, invert
 
 __all__ = ["REASONS", "Outcome", "Reason", "Record", "TrialRunner", "TrialSettings"]
 

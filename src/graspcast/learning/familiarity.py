@@ -19,7 +19,7 @@ from numpy import ndarray
 
 from graspcast.estimates import Estimates
 from graspcast.learning.samples import scene_groups
-from graspcast.rays import compressed, relative
+from graspcast.pose.ray_frame import compressed, relative
 
 __all__ = ["Familiarity"]
 

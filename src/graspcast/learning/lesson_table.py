@@ -11,11 +11,11 @@ from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.consensus import consensus_features
-from graspcast.geometry import compose, invert
 from graspcast.learning.lessons import Lessons
 from graspcast.learning.predictors import UNSEEN
 from graspcast.learning.samples import scene_groups
-from graspcast.rays import relative
+from graspcast.pose.ray_frame import relative
+from graspcast.pose.transforms import compose, invert
 from graspcast.truth import nearest_truth
 
 __all__ = ["LessonTable"]

@@ -20,9 +20,9 @@ from jaxtyping import Bool, Float, Int
 from numba import njit, prange
 from numpy import ndarray
 
-from graspcast.geometry import rotation_vector
 from graspcast.learning.forests import Forest, flatten, walk
-from graspcast.rays import compressed
+from graspcast.pose.ray_frame import compressed
+from graspcast.pose.transforms import rotation_vector
 
 __all__ = ["ErrorModel", "Survival", "expected_survival"]
 
@@ -37,7 +37,7 @@ class ErrorModel:
         offset: The number of the first leaf of each tree, (trees,).
         members: Training instances, by number.
         truth: Where the truth lay of each, in its estimate's ray frame (see
-            :func:`graspcast.rays.relative`), (m, 6).
+            :func:`graspcast.pose.ray_frame.relative`), (m, 6).
     """
 
     forest: Forest
@@ -162,7 +162,7 @@ def expected_survival(
     Args:
         errors, survival: The two stages.
         features: Inputs of the first.
-        axes: :func:`graspcast.rays.obj_R_ray` of each estimate.
+        axes: :func:`graspcast.pose.ray_frame.obj_R_ray` of each estimate.
         distance: Of each from the camera, metres.
         numbers: Each instance's object in the second stage.
         draws: Of the truth, for each instance.
@@ -218,7 +218,7 @@ def _expected(
             leaf = right[walk(rows[i], roots[tree], feature, threshold, right)] + offset[tree]
             size = first[leaf + 1] - first[leaf]
             drawn = truth[members[first[leaf] + int(places[draw] * size)]]
-            # As in graspcast.rays.error_along; a rotation vector in the ray frame, turned about,
+            # As in graspcast.pose.ray_frame.error_along; a rotation vector in the ray frame, turned about,
             # is that of the error in the object's.
             _exp(drawn[3:], turn)
             A, row = axes[i], inputs[draw]

@@ -14,8 +14,8 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.detections import Detections
 from graspcast.checks import Check, Report, UnmetError
 from graspcast.errors import GraspcastError, InputError
-from graspcast.geometry import is_identity, project_to_rotation
 from graspcast.perception.estimator import Estimator, Poses
+from graspcast.pose.transforms import is_identity, project_to_rotation
 
 __all__ = ["EstimatorReport", "check_estimator"]
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from numpy import ndarray
 
-from graspcast.geometry import transform
+from graspcast.pose.transforms import transform
 
 __all__ = ["MARGIN", "Crop", "crop_of", "cut", "ray_rotation"]
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from graspcast.geometry import project_to_rotation, transform
+from graspcast.pose.transforms import project_to_rotation, transform
 
 __all__ = ["pose_from_points"]
 

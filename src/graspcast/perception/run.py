@@ -19,9 +19,9 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.detections import Detections
 from graspcast.bop.results import Results, read_results, write_results
 from graspcast.errors import EstimatorFailedError, FormatError, InputError, UnknownNameError
-from graspcast.geometry import is_identity
 from graspcast.perception.estimator import Estimator
 from graspcast.perception.external import command_line, run_command
+from graspcast.pose.transforms import is_identity
 
 __all__ = ["run_estimator", "run_external"]
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.geometry import rotation_from_vector, transform
+from graspcast.pose.transforms import rotation_from_vector, transform
 
 __all__ = ["INTRINSICS", "Light", "View", "random_view"]
 

@@ -28,7 +28,7 @@ from graspcast.bop.meshes import read_coloured_mesh
 from graspcast.bop.models import Models
 from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError, InputError
-from graspcast.geometry import invert
+from graspcast.pose.transforms import invert
 from graspcast.rendering.camera import INTRINSICS, View, random_view
 from graspcast.rendering.renderer import Frame, Renderer
 from graspcast.rendering.tabletop import ColouredMesh, Tabletop

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray
 
-from graspcast.geometry import invert
 from graspcast.grasping.gl_drawer import OpenGLDrawer
+from graspcast.pose.transforms import invert
 from graspcast.rendering.camera import View
 from graspcast.rendering.tabletop import Tabletop
 

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.geometry import (
+from graspcast.pose.transforms import (
     quaternion,
     rotation_from_quaternion,
     rotation_from_vector,

@@ -17,8 +17,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.geometry import transform
 from graspcast.grasping.gripper import Closing, Equilibrium
+from graspcast.pose.transforms import transform
 
 __all__ = ["TendonHand"]
 

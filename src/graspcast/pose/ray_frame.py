@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.geometry import rotation_from_vector, rotation_vector, transform
+from graspcast.pose.transforms import rotation_from_vector, rotation_vector, transform
 
 __all__ = ["compressed", "displaced", "error_along", "obj_R_ray", "ray_frame", "relative"]
 

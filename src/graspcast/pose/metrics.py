@@ -14,7 +14,7 @@ from jaxtyping import Float
 from numba import njit, prange
 from numpy import ndarray
 
-from graspcast.geometry import compose, invert, rotation_angle, transform_points
+from graspcast.pose.transforms import compose, invert, rotation_angle, transform_points
 
 __all__ = [
     "add",
