@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from graspcast.errors import InputError
-from graspcast.files import atomic_write, write_text
+from graspcast.io.files import atomic_write, write_text
 
 
 def names(folder: Path) -> list[str]:
@@ -108,7 +108,7 @@ def test_a_killed_process_leaves_the_old_file(tmp_path: Path) -> None:
     program = textwrap.dedent(
         """
         import os, signal, sys
-        from graspcast.files import atomic_write
+        from graspcast.io.files import atomic_write
         with atomic_write(sys.argv[1]) as temporary:
             temporary.write_text("half")
             os.kill(os.getpid(), signal.SIGKILL)

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 
 from graspcast.bop.meshes import read_coloured_mesh
 from graspcast.bop.models import Models
-from graspcast.files import atomic_write
+from graspcast.io.files import atomic_write
 from graspcast.perception.crops import Crop, cut
 from graspcast.pose.transforms import invert, transform_points
 from graspcast.rendering.camera import INTRINSICS, random_view

@@ -13,7 +13,7 @@ import torch
 from onnx import helper, numpy_helper
 
 from graspcast import __version__
-from graspcast.files import atomic_write
+from graspcast.io.files import atomic_write
 from training.crops import Objects
 from training.losses import Geometry
 from training.networks import PIXELS

@@ -13,7 +13,7 @@ import torch
 from torch import nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
-from graspcast.files import atomic_write
+from graspcast.io.files import atomic_write
 from training.crops import Objects
 from training.losses import LOSSES, Geometry
 from training.networks import NETWORKS

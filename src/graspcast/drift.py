@@ -24,9 +24,9 @@ from dataclasses import asdict, dataclass, fields
 from os import PathLike
 from typing import Any
 
-from graspcast.bop.json_files import read_json, require
 from graspcast.errors import FormatError, InputError
-from graspcast.files import write_text
+from graspcast.io.files import write_text
+from graspcast.io.json import read_json, require
 
 __all__ = ["DriftMonitor"]
 

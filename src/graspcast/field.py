@@ -17,10 +17,10 @@ from typing import Any
 
 import polars as pl
 
-from graspcast.bop.json_files import read_json, require
 from graspcast.drift import DriftMonitor
 from graspcast.errors import FormatError, MismatchError
-from graspcast.files import write_text
+from graspcast.io.files import write_text
+from graspcast.io.json import read_json, require
 from graspcast.outcomes import read_outcomes
 from graspcast.promise import OVERALL, Promise
 

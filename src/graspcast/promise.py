@@ -11,9 +11,9 @@ from dataclasses import asdict, dataclass, field, fields
 from os import PathLike
 from typing import Any, Literal, get_args
 
-from graspcast.bop.json_files import read_json, require
 from graspcast.errors import FormatError, GraspcastError, UnknownNameError
-from graspcast.files import write_text
+from graspcast.io.files import write_text
+from graspcast.io.json import read_json, require
 from graspcast.thresholds import Sequence
 
 __all__ = ["MOST_UNITS", "OVERALL", "Promise", "Promises", "UnitKind", "Weight"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from os import PathLike
 from typing import TYPE_CHECKING
 
-from graspcast.files import atomic_write
+from graspcast.io.files import atomic_write
 
 if TYPE_CHECKING:
     from PIL.Image import Image

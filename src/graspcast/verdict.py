@@ -12,7 +12,7 @@ from pathlib import Path
 
 from graspcast.errors import FormatError, InputError
 from graspcast.estimates import Estimates
-from graspcast.files import write_text
+from graspcast.io.files import write_text
 
 __all__ = [
     "STRANGE",

@@ -11,9 +11,10 @@ import polars as pl
 import pytest
 
 from graspcast.errors import InputError
+from graspcast.io.markdown import table
 from graspcast.learning.networks import CONFIGURATIONS, PROTOCOLS, Protocol
 from graspcast.published import ESTIMATORS, GRIPPERS, OBJECTS, Published
-from graspcast.report.markdown import render, table
+from graspcast.report.markdown import render
 from graspcast.report.paper import (
     paper_tables,
     reproduce,

@@ -17,11 +17,11 @@ from jaxtyping import Float, Int, UInt8
 from numpy import ndarray
 
 from graspcast.bop.images import find_images, read_image
-from graspcast.bop.json_files import identifier, numbers, read_json, require
 from graspcast.bop.models import Models
 from graspcast.bop.results import MAX_ROTATION_DEVIATION, checked_rotations
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError, InputError
+from graspcast.io.json import identifier, numbers, read_json, require
 from graspcast.pose.transforms import transform
 
 __all__ = ["BopDataset", "Camera", "GroundTruth", "Target", "read_ground_truth", "read_targets"]

@@ -18,9 +18,9 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.bop.dataset import BopDataset, Target
-from graspcast.bop.json_files import identifier, numbers, read_json, require
 from graspcast.errors import FormatError, InputError
-from graspcast.files import write_text
+from graspcast.io.files import write_text
+from graspcast.io.json import identifier, numbers, read_json, require
 
 __all__ = ["Detections", "jittered", "read_detections", "write_detections"]
 

@@ -13,7 +13,7 @@ from numpy import ndarray
 
 from graspcast.bop.units import metres, millimetres
 from graspcast.errors import FormatError
-from graspcast.files import atomic_write
+from graspcast.io.files import atomic_write
 
 __all__ = ["Mesh", "read_coloured_mesh", "read_mesh", "write_mesh"]
 

@@ -13,11 +13,11 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.bop.json_files import identifier, numbers, read_json, require
 from graspcast.bop.meshes import Mesh, read_mesh
 from graspcast.bop.results import MAX_ROTATION_DEVIATION, checked_rotations
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError, UnknownNameError
+from graspcast.io.json import identifier, numbers, read_json, require
 from graspcast.pose.transforms import rotation_from_vector, transform
 
 __all__ = ["ContinuousSymmetry", "ModelInfo", "Models", "read_models_info"]

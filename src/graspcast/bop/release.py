@@ -24,7 +24,7 @@ from numpy import ndarray
 from graspcast.bop.results import Results, write_results
 from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError, InputError
-from graspcast.files import write_text
+from graspcast.io.files import write_text
 from graspcast.io.tables import write_table
 
 __all__ = ["Imported", "import_release", "read_add_differences", "read_release"]

@@ -21,7 +21,7 @@ from numpy import ndarray
 
 from graspcast.bop.units import metres, millimetres
 from graspcast.errors import FormatError
-from graspcast.files import write_text
+from graspcast.io.files import write_text
 from graspcast.pose.transforms import is_identity, project_to_rotation, transform
 
 __all__ = ["Results", "checked_rotations", "dataset_of", "read_results", "write_results"]

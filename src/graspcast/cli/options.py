@@ -212,7 +212,7 @@ def write_json(path: Path | None, content: Any) -> None:
         return
     import json
 
-    from graspcast.files import write_text
+    from graspcast.io.files import write_text
 
     try:
         text = json.dumps(content, indent=2, allow_nan=False)

@@ -9,7 +9,7 @@ from typing import Any
 
 import polars as pl
 
-from graspcast.files import write_text
+from graspcast.io.files import write_text
 from graspcast.outcomes import ERROR_COLUMNS
 
 __all__ = ["card_text", "write_card"]

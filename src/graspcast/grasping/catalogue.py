@@ -13,8 +13,8 @@ import numpy as np
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.grasping.decomposition import Decomposition
-from graspcast.grasping.toml_table import TomlTable, read_toml
 from graspcast.grasping.types import Primitive
+from graspcast.io.toml import TomlTable, read_toml
 from graspcast.pose.transforms import rotation_from_quaternion, transform
 
 __all__ = ["Catalogue", "ObjectEntry", "read_catalogue"]

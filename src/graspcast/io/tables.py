@@ -19,7 +19,7 @@ from pathlib import Path
 import polars as pl
 
 from graspcast.errors import FormatError
-from graspcast.files import atomic_write
+from graspcast.io.files import atomic_write
 
 __all__ = ["parquet_bytes", "read_csv", "read_parquet", "write_table"]
 

@@ -18,7 +18,7 @@ from graspcast.bop.models import Models
 from graspcast.consensus import Features, FeatureSet, consensus_features, mean_add
 from graspcast.errors import FormatError, InputError, MismatchError
 from graspcast.estimates import Estimates
-from graspcast.files import atomic_write
+from graspcast.io.files import atomic_write
 from graspcast.learning.blend import Blend
 from graspcast.learning.card import Card
 from graspcast.learning.familiarity import Familiarity

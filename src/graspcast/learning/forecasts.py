@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError, MismatchError
-from graspcast.files import atomic_write
+from graspcast.io.files import atomic_write
 
 __all__ = ["Forecasts"]
 

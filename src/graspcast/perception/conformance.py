@@ -12,8 +12,8 @@ from numpy import ndarray
 
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.detections import Detections
-from graspcast.checks import Check, Report, UnmetError
 from graspcast.errors import GraspcastError, InputError
+from graspcast.io.conformance import Check, Report, UnmetError
 from graspcast.perception.estimator import Estimator, Poses
 from graspcast.pose.transforms import is_identity, project_to_rotation
 

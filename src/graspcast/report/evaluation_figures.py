@@ -12,7 +12,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import ExtraMissingError, InputError
-from graspcast.files import atomic_write
+from graspcast.io.files import atomic_write
 from graspcast.learning.forecasts import Forecasts
 from graspcast.learning.resampling import Resampled, draw_scenes
 from graspcast.learning.scores import BINS, bin_of, calibration_error, risk_coverage

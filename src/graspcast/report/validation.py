@@ -14,8 +14,8 @@ from graspcast.grasping.grasps import GraspTable
 from graspcast.grasping.labelled import LabelledTrials
 from graspcast.grasping.parts import PARTS
 from graspcast.grasping.requests import KEY_COLUMNS
+from graspcast.io.markdown import table
 from graspcast.published import ESTIMATORS, GRIPPERS, OBJECTS
-from graspcast.report.markdown import table
 from graspcast.report.paper import paper_tables, table1
 
 __all__ = ["compare", "render_cells", "render_table1", "summary"]
