@@ -17,6 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from graspcast.estimates.alignment.alignment import align
 
 from graspcast import (
     Estimates,
@@ -28,7 +29,6 @@ from graspcast import (
 )
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results, read_results, write_results
-from graspcast.estimates import align
 from graspcast.learning.mlp_training import MlpSettings
 from graspcast.pose.transforms import rotation_from_quaternion, transform
 from graspcast.verdict import verdict_rows, write_verdicts

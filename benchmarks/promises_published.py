@@ -16,6 +16,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from graspcast.estimates.alignment.outcomes import read_all_outcomes
 
 from graspcast.certification import certify
 from graspcast.cli.options import write_json
@@ -24,7 +25,6 @@ from graspcast.learning.forecast_run import forecast_all
 from graspcast.learning.forecasts import Forecasts
 from graspcast.learning.lessons import ErrorOutcomes
 from graspcast.learning.methods import METHODS
-from graspcast.outcomes import read_all_outcomes
 from graspcast.published import Published
 
 

@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 import pytest
+from graspcast.estimates.alignment.instances import unit_names
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy import ndarray
 from scipy.stats import binomtest
 
-from graspcast.certification import certify, unit_names
+from graspcast.certification import certify
 from graspcast.errors import InputError
 from graspcast.promise import Weight
 from graspcast.thresholds import Sequence, default_sequence, learn_sequence

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from graspcast.estimates.alignment.outcomes import ERROR_COLUMNS, error_numbers
 
 import synthetic
 from commands import refused
@@ -17,7 +18,6 @@ from graspcast.bop.results import Results, write_results
 from graspcast.bop.units import millimetres
 from graspcast.cli import main
 from graspcast.learning.forecaster import Forecaster
-from graspcast.outcomes import ERROR_COLUMNS, error_numbers
 from graspcast.promise import Promises
 from poses import results_of, write_models
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import polars as pl
 import pytest
+from graspcast.estimates.alignment.error_statistics import correlations, tails
 from scipy.stats import spearmanr
 
-from graspcast.error_shape import correlations, tails
 from graspcast.errors import MismatchError
 
 

@@ -7,19 +7,19 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from hypothesis import HealthCheck, example, given, settings
-from hypothesis import strategies as st
-from numpy.testing import assert_allclose, assert_array_equal
-
-from graspcast.errors import FormatError
-from graspcast.io.tables import write_table
-from graspcast.outcomes import (
+from graspcast.estimates.alignment.outcomes import (
     ERROR_COLUMNS,
     KEYS,
     error_numbers,
     read_error_outcomes,
     read_outcomes,
 )
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from graspcast.errors import FormatError
+from graspcast.io.tables import write_table
 from poses import random_poses
 
 HEADER = "estimator,dataset,scene_id,im_id,obj_id,gripper,success"

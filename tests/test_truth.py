@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from graspcast.estimates.alignment.error_tables import MEASURES, measure, summarise
+from graspcast.estimates.alignment.matching import match
 from numpy.testing import assert_allclose
 
 from graspcast.bop.dataset import BopDataset, GroundTruth
@@ -16,7 +18,6 @@ from graspcast.bop.results import Results, read_results
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.pose.transforms import transform_points
 from graspcast.published import Published
-from graspcast.truth import MEASURES, match, measure, summarise
 from poses import nudged, random_poses, results_of, write_models
 
 

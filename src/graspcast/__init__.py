@@ -18,13 +18,17 @@ if TYPE_CHECKING:
     from graspcast.bop.models import Models
     from graspcast.bop.release import import_release
     from graspcast.bop.results import Results, read_results, write_results
-    from graspcast.certification import certify, unit_names
+    from graspcast.certification import certify
     from graspcast.comparison import Comparison, compare
     from graspcast.consensus import Features, consensus_features, describe, mean_add
     from graspcast.demo_data import demo_dataset
     from graspcast.drift import DriftMonitor
     from graspcast.errors import GraspcastError
-    from graspcast.estimates import Estimates, align, concatenate
+    from graspcast.estimates.alignment.alignment import Estimates, align, concatenate
+    from graspcast.estimates.alignment.error_tables import measure, summarise
+    from graspcast.estimates.alignment.instances import unit_names
+    from graspcast.estimates.alignment.matching import match
+    from graspcast.estimates.alignment.outcomes import read_outcomes
     from graspcast.grasping.campaign import run_campaign
     from graspcast.grasping.conformance import check_gripper
     from graspcast.grasping.grasps import read_grasps
@@ -41,7 +45,6 @@ if TYPE_CHECKING:
     from graspcast.learning.samples import Samples, join
     from graspcast.learning.scores import Scores, score
     from graspcast.learning.training import cross_validate, train_forecaster
-    from graspcast.outcomes import read_outcomes
     from graspcast.perception.conformance import check_estimator
     from graspcast.perception.estimator import Estimator, built_in
     from graspcast.promise import Promise, Promises
@@ -50,7 +53,6 @@ if TYPE_CHECKING:
     from graspcast.report.paper import reproduce
     from graspcast.scorecard import Scorecard, score_verdicts
     from graspcast.thresholds import Sequence, learn_sequence
-    from graspcast.truth import match, measure, summarise
     from graspcast.verdict import Verdict, decide, read_verdicts, verdict_rows, write_verdicts
 
 _HOME = {

@@ -35,19 +35,10 @@ from numpy import ndarray
 
 from graspcast.binomial import lower_bound, mean_interval, needed_trials, p_value
 from graspcast.errors import InputError, UnknownNameError
-from graspcast.estimates import Estimates
-from graspcast.promise import MOST_UNITS, OVERALL, Promise, Promises, UnitKind, Weight
+from graspcast.promise import MOST_UNITS, OVERALL, Promise, Promises, Weight
 from graspcast.thresholds import Sequence, UnitShares, check_target, default_sequence
 
-__all__ = ["certify", "unit_names"]
-
-
-def unit_names(estimates: Estimates, kind: UnitKind) -> ndarray:
-    """The scene (``dataset/scene``) or image (``dataset/scene/image``) of each instance."""
-    columns = [estimates.dataset.tolist(), estimates.scene_id.tolist()]
-    if kind == "image":
-        columns.append(estimates.im_id.tolist())
-    return np.array(["/".join(map(str, row)) for row in zip(*columns, strict=True)])
+__all__ = ["certify"]
 
 
 def certify(

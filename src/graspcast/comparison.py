@@ -18,6 +18,7 @@ from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
+from graspcast.estimates.alignment.instances import scene_groups
 from graspcast.learning.blend import ForestSettings
 from graspcast.learning.contrast import (
     DECISIVE,
@@ -32,7 +33,6 @@ from graspcast.learning.contrast import (
 from graspcast.learning.forecasts import Forecasts
 from graspcast.learning.lessons import Lessons
 from graspcast.learning.resampling import Interval
-from graspcast.learning.samples import scene_groups
 from graspcast.learning.training import cross_validated
 
 __all__ = ["Comparison", "Judged", "compare"]

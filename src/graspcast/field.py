@@ -19,9 +19,9 @@ import polars as pl
 
 from graspcast.drift import DriftMonitor
 from graspcast.errors import FormatError, MismatchError
+from graspcast.estimates.alignment.outcomes import read_outcomes
 from graspcast.io.files import write_text
 from graspcast.io.json import read_json, require
-from graspcast.outcomes import read_outcomes
 from graspcast.promise import OVERALL, Promise
 
 __all__ = ["FieldLog"]

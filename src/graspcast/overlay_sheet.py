@@ -14,11 +14,11 @@ from graspcast.bop.dataset import BopDataset, GroundTruth
 from graspcast.bop.meshes import Mesh, read_coloured_mesh
 from graspcast.bop.results import Results
 from graspcast.errors import FormatError, InputError
-from graspcast.estimates import partners, rows_in_image
+from graspcast.estimates.alignment.alignment import partners, rows_in_image
+from graspcast.estimates.alignment.matching import match
 from graspcast.overlay import draw_overlay
 from graspcast.pose.metrics import rotation_error, translation_error
 from graspcast.sheet import BAD, FAINT, GOOD, INK, blank, width_of, write
-from graspcast.truth import match
 from graspcast.verdict import VerdictRow
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def overlays(
     """Every estimate in some images: image by image, object by object, estimators side by side.
 
     The first estimator's detections of an object, by decreasing score, are its instances; the
-    others' are assigned to them as in :func:`graspcast.estimates.align`.
+    others' are assigned to them as in :func:`graspcast.estimates.alignment.align`.
 
     Args:
         dataset: Images, cameras, models, and ground truth if there is one.

@@ -16,12 +16,17 @@ from graspcast.io.files import write_text
 from graspcast.io.json import read_json, require
 from graspcast.thresholds import Sequence
 
-__all__ = ["MOST_UNITS", "OVERALL", "Promise", "Promises", "UnitKind", "Weight"]
+__all__ = [
+    "MOST_UNITS",
+    "OVERALL",
+    "Promise",
+    "Promises",
+    "Weight",
+]
 
 OVERALL = "all objects"
 MOST_UNITS = 10_000
 Weight = Literal["attempt", "unit"]
-UnitKind = Literal["scene", "image"]
 _FORMAT = 1
 
 

@@ -91,7 +91,7 @@ def score_verdicts(
 
     Args:
         verdicts: In the order of :func:`graspcast.verdict.verdict_rows`.
-        outcomes: As :func:`graspcast.outcomes.read_outcomes` gives them.
+        outcomes: As :func:`graspcast.estimates.outcomes.read_outcomes` gives them.
         principal: Whose outcomes; may be left out where they are of one estimator.
         dataset: Which dataset's; may be left out where they are of one.
         draws, seed: Of the bootstrap.

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from graspcast.estimates.alignment.instances import scene_groups
 from numpy.testing import assert_array_equal
 
 import synthetic
@@ -22,7 +23,7 @@ from graspcast.learning.forecaster import KINDS, Forecaster
 from graspcast.learning.lessons import Lessons
 from graspcast.learning.mlp_training import MlpSettings
 from graspcast.learning.predictors import NetworkSettings
-from graspcast.learning.samples import Samples, scene_groups
+from graspcast.learning.samples import Samples
 from graspcast.learning.scores import score
 from graspcast.learning.training import cross_validate, train_forecaster
 from graspcast.published import Published

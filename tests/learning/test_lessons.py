@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from graspcast.estimates.alignment.alignment import Estimates
+from graspcast.estimates.alignment.outcomes import ERROR_COLUMNS, error_numbers
 from numpy.testing import assert_allclose, assert_array_equal
 
 import synthetic
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
-from graspcast.estimates import Estimates
 from graspcast.learning.lessons import ErrorOutcomes, as_lessons, lessons
-from graspcast.outcomes import ERROR_COLUMNS, error_numbers
 
 NAMES = ("a", "b", "c")
 

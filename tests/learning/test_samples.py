@@ -9,13 +9,14 @@ from random import Random
 import numpy as np
 import polars as pl
 import pytest
+from graspcast.estimates.alignment.alignment import Estimates
+from graspcast.estimates.alignment.instances import scene_groups
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 import synthetic
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
-from graspcast.estimates import Estimates
 from graspcast.learning.samples import (
     Samples,
     by_object,
@@ -23,7 +24,6 @@ from graspcast.learning.samples import (
     join,
     published_part,
     read_split,
-    scene_groups,
 )
 from graspcast.published import ESTIMATORS, GRIPPERS, Published
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from graspcast.estimates.alignment.error_tables import measure, summarise
 
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.detections import Detections, jittered, read_detections
@@ -17,7 +18,6 @@ from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.perception import BUILT_IN, built_in
 from graspcast.perception.conformance import check_estimator
 from graspcast.perception.run import run_estimator
-from graspcast.truth import measure, summarise
 
 WEIGHTS = Path(str(files("graspcast.perception"))) / "weights"
 

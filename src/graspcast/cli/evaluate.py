@@ -117,13 +117,13 @@ def _evaluate(options: argparse.Namespace) -> None:
     import time
     from dataclasses import asdict
 
+    from graspcast.estimates.alignment.outcomes import read_all_outcomes
     from graspcast.learning.benchmark import Benchmark
     from graspcast.learning.forecast_run import forecast_all
     from graspcast.learning.lessons import ErrorOutcomes
     from graspcast.learning.methods import METHODS
     from graspcast.learning.protocols import PROTOCOLS
     from graspcast.learning.value import Costs
-    from graspcast.outcomes import read_all_outcomes
     from graspcast.published import Published
     from graspcast.report.evaluation import Bootstrap, evaluate
     from graspcast.report.evaluation_tables import render_evaluation

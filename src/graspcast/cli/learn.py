@@ -20,7 +20,7 @@ from graspcast.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from graspcast.inputs import Inputs
+    from graspcast.estimates.alignment.loading import Inputs
     from graspcast.learning.lessons import Lessons
 
 __all__ = ["add_verbs"]
@@ -180,10 +180,10 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> Lessons:
     import numpy as np
 
     from graspcast.errors import InputError
-    from graspcast.inputs import load_outcomes
+    from graspcast.estimates.alignment.loading import load_outcomes
+    from graspcast.estimates.alignment.matching import true_poses
     from graspcast.learning.lessons import ErrorOutcomes, lessons
     from graspcast.learning.samples import join
-    from graspcast.truth import true_poses
 
     estimates = inputs.estimates(options.principal)
     outcomes = None

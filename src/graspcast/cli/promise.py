@@ -151,8 +151,9 @@ def _certify(options: argparse.Namespace) -> None:
     import numpy as np
 
     from graspcast._version import __version__
-    from graspcast.certification import certify, unit_names
-    from graspcast.inputs import load_outcomes
+    from graspcast.certification import certify
+    from graspcast.estimates.alignment.instances import unit_names
+    from graspcast.estimates.alignment.loading import load_outcomes
     from graspcast.learning.forecaster import Forecaster
     from graspcast.learning.samples import join
     from graspcast.thresholds import explore, learn_sequence

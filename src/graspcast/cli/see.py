@@ -220,10 +220,10 @@ def _estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray,
 
 
 def _read_estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray, "4 4"]:
-    from graspcast.estimates import rows_in_image
-    from graspcast.inputs import load_inputs
+    from graspcast.estimates.alignment.alignment import rows_in_image
+    from graspcast.estimates.alignment.loading import load_inputs
+    from graspcast.estimates.alignment.matching import match
     from graspcast.pose.transforms import invert
-    from graspcast.truth import match
 
     if entry.obj_id is None:
         raise InputError(f"object {entry.name} is of no BOP dataset, so no results CSV is about it")

@@ -98,8 +98,8 @@ def _published_trials(directory: Path) -> tuple[LabelledTrials, dict[str, Path]]
 
 def _trials_of(options: argparse.Namespace) -> tuple[LabelledTrials, dict[str, Path]]:
     """The trials that the options name, and the datasets' BOP directories."""
+    from graspcast.estimates.alignment.loading import load_outcomes
     from graspcast.grasping.labelled import labelled_trials
-    from graspcast.inputs import load_outcomes
 
     if options.data is not None:
         return _published_trials(options.data)

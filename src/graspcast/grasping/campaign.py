@@ -18,13 +18,13 @@ import polars as pl
 
 from graspcast._version import __version__
 from graspcast.errors import CampaignStoppedError, GraspcastError
+from graspcast.estimates.alignment.outcomes import ERROR_COLUMNS, error_numbers
 from graspcast.grasping.card import write_card
 from graspcast.grasping.executors import Executor, LocalExecutor
 from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
 from graspcast.grasping.store import COLUMNS, Store
 from graspcast.grasping.trial import Outcome
 from graspcast.grasping.work import Chunk, Pair
-from graspcast.outcomes import ERROR_COLUMNS, error_numbers
 
 __all__ = ["Progress", "run_campaign"]
 

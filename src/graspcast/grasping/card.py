@@ -9,8 +9,8 @@ from typing import Any
 
 import polars as pl
 
+from graspcast.estimates.alignment.outcomes import ERROR_COLUMNS
 from graspcast.io.files import write_text
-from graspcast.outcomes import ERROR_COLUMNS
 
 __all__ = ["card_text", "write_card"]
 

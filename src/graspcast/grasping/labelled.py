@@ -13,8 +13,8 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, UnknownNameError
+from graspcast.estimates.alignment.image_split import Part, frames_of, part_of
 from graspcast.grasping.guided import guided_trials
-from graspcast.grasping.parts import Part, frames_of, part_of
 from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
 from graspcast.grasping.sample import FittedTrials
 
@@ -60,7 +60,7 @@ def labelled_trials(
     Args:
         results: Dataset's name to estimator's name to results.
         datasets: Dataset's name to its BOP directory, with ground truth.
-        outcomes: As :func:`graspcast.outcomes.read_outcomes` returns them.
+        outcomes: As :func:`graspcast.estimates.outcomes.read_outcomes` returns them.
 
     Raises:
         InputError: if no estimate has a given outcome.

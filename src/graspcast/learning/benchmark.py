@@ -15,12 +15,13 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
-from graspcast.estimates import Estimates
-from graspcast.grasping.parts import frames_of, part_of
+from graspcast.estimates.alignment.alignment import Estimates
+from graspcast.estimates.alignment.image_split import frames_of, part_of
+from graspcast.estimates.alignment.instances import scene_groups
+from graspcast.estimates.alignment.matching import true_poses
 from graspcast.learning.lessons import ErrorOutcomes
-from graspcast.learning.samples import Samples, join, scene_groups
+from graspcast.learning.samples import Samples, join
 from graspcast.published import Published
-from graspcast.truth import true_poses
 
 __all__ = ["Benchmark"]
 
@@ -34,7 +35,7 @@ class Benchmark:
     Attributes:
         estimates: All estimators' poses of n instances.
         truth: Their true poses ``cam_T_obj``, metres, (n, 4, 4).
-        outcomes: Of trials, as :func:`graspcast.outcomes.read_outcomes` returns them.
+        outcomes: Of trials, as :func:`graspcast.estimates.outcomes.read_outcomes` returns them.
         split: As :func:`graspcast.learning.samples.read_split` returns it.
         models: Dataset's name to its object models.
         reported: Which instances are of images that no reference grasp was fitted or chosen on,

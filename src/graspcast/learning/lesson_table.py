@@ -11,12 +11,12 @@ from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.consensus import consensus_features
+from graspcast.estimates.alignment.instances import scene_groups
+from graspcast.estimates.alignment.matching import nearest_truth
 from graspcast.learning.lessons import Lessons
 from graspcast.learning.predictors import UNSEEN
-from graspcast.learning.samples import scene_groups
 from graspcast.pose.ray_frame import relative
 from graspcast.pose.transforms import compose, invert
-from graspcast.truth import nearest_truth
 
 __all__ = ["LessonTable"]
 

@@ -12,9 +12,9 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.errors import MismatchError, UnknownNameError
-from graspcast.estimates import Estimates
+from graspcast.estimates.alignment.alignment import Estimates
+from graspcast.estimates.alignment.outcomes import read_error_outcomes
 from graspcast.learning.samples import Samples, outcomes_of
-from graspcast.outcomes import read_error_outcomes
 
 __all__ = ["ErrorOutcomes", "Lessons", "as_lessons", "lessons"]
 
@@ -148,10 +148,10 @@ def lessons(
 
     Args:
         estimates: Poses by K estimators.
-        outcomes: As :func:`graspcast.outcomes.read_outcomes` returns them, or None.
+        outcomes: As :func:`graspcast.estimates.outcomes.read_outcomes` returns them, or None.
         principal: Whose grasps are to be forecast.
         gripper: The gripper.
-        truth: ``cam_T_obj``, NaN where unknown; from :func:`graspcast.truth.true_poses`.
+        truth: ``cam_T_obj``, NaN where unknown; from :func:`graspcast.estimates.matching.true_poses`.
         simulated: Simulated trials of the gripper.
 
     Raises:

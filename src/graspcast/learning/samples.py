@@ -17,7 +17,8 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
-from graspcast.estimates import Estimates
+from graspcast.estimates.alignment.alignment import Estimates
+from graspcast.estimates.alignment.instances import scene_groups
 
 __all__ = [
     "Samples",
@@ -27,7 +28,6 @@ __all__ = [
     "outcomes_of",
     "published_part",
     "read_split",
-    "scene_groups",
 ]
 
 Fold = tuple[Int[ndarray, "train"], Int[ndarray, "test"]]
@@ -150,26 +150,6 @@ def published_part(samples: Samples, split: pl.DataFrame) -> ndarray:
     on = ["dataset", "scene_id", "im_id", "obj_id"]
     part = keys.join(mine.select(*on, "split"), on=on, how="left", maintain_order="left")["split"]
     return part.fill_null("").to_numpy().astype(str)
-
-
-def scene_groups(estimates: Estimates, *, blocks: int = 5) -> ndarray:
-    """A name for each instance's scene.
-
-    A dataset's only scene is cut into ``blocks`` contiguous runs of frames of about equal size,
-    since it could not be split otherwise.
-    """
-    names = np.array(
-        [f"{d}/{s}" for d, s in zip(estimates.dataset, estimates.scene_id, strict=True)],
-        dtype=object,
-    )
-    for dataset in np.unique(estimates.dataset):
-        mine = estimates.dataset == dataset
-        if len(np.unique(names[mine])) > 1:
-            continue
-        frames = np.unique(estimates.im_id[mine])
-        block = np.searchsorted(frames, estimates.im_id[mine]) * blocks // len(frames)
-        names[mine] = [f"{n}#{b}" for n, b in zip(names[mine], block, strict=True)]
-    return names.astype(str)
 
 
 def by_scene(

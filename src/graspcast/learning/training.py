@@ -13,16 +13,16 @@ from numpy import ndarray
 
 from graspcast._version import __version__
 from graspcast.bop.models import Models
-from graspcast.certification import unit_names
 from graspcast.consensus import FeatureSet
 from graspcast.errors import InputError, UnknownNameError
+from graspcast.estimates.alignment.instances import scene_groups, unit_names
 from graspcast.learning.blend import Blend, ForestSettings
 from graspcast.learning.card import Card, digest_of
 from graspcast.learning.familiarity import Familiarity
 from graspcast.learning.forecaster import KINDS, Forecaster, features_of
 from graspcast.learning.lessons import Lessons, as_lessons
 from graspcast.learning.predictors import NetworkEnsemble, NetworkSettings, Thresholds
-from graspcast.learning.samples import Samples, by_object, by_scene, scene_groups
+from graspcast.learning.samples import Samples, by_object, by_scene
 from graspcast.learning.scores import Scores, score
 
 __all__ = ["cross_validate", "cross_validated", "train_forecaster"]

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from graspcast.estimates.alignment.image_split import PARTS
 from graspcast.grasping.agreement import agreement
 from graspcast.grasping.grasps import GraspTable
 from graspcast.grasping.labelled import LabelledTrials
-from graspcast.grasping.parts import PARTS
 from graspcast.grasping.requests import KEY_COLUMNS
 from graspcast.io.markdown import table
 from graspcast.published import ESTIMATORS, GRIPPERS, OBJECTS
