@@ -23,11 +23,11 @@ from pathlib import Path
 import numpy as np
 from numpy import ndarray
 
-from graspcast.binomial import p_value
-from graspcast.certification import certify
-from graspcast.drift import DriftMonitor
-from graspcast.promise import Weight
-from graspcast.thresholds import default_sequence, learn_sequence
+from graspcast.guarantees.binomial import p_value
+from graspcast.guarantees.certificate import Weight
+from graspcast.guarantees.certify import certify
+from graspcast.guarantees.drift_monitor import DriftMonitor
+from graspcast.guarantees.threshold_sequence import default_sequence, learn_sequence
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from worlds import World

@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 from graspcast.estimates.alignment.outcomes import read_all_outcomes
 
-from graspcast.certification import certify
 from graspcast.cli.options import write_json
+from graspcast.guarantees.certify import certify
 from graspcast.learning.benchmark import Benchmark
 from graspcast.learning.forecast_run import forecast_all
 from graspcast.learning.forecasts import Forecasts

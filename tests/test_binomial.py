@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, binomtest
 
-from graspcast.binomial import lower_bound, mean_interval, needed_trials, p_value, power
+from graspcast.guarantees.binomial import lower_bound, mean_interval, needed_trials, p_value, power
 
 
 @given(st.integers(1, 300), st.data())

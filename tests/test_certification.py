@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from numpy import ndarray
 from scipy.stats import binomtest
 
-from graspcast.certification import certify
 from graspcast.errors import InputError
-from graspcast.promise import Weight
-from graspcast.thresholds import Sequence, default_sequence, learn_sequence
+from graspcast.guarantees.certificate import Weight
+from graspcast.guarantees.certify import certify
+from graspcast.guarantees.threshold_sequence import Sequence, default_sequence, learn_sequence
 from synthetic import estimates
 from worlds import ASKED, World, drawn
 

@@ -17,8 +17,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import graspcast
-from graspcast.drift import DriftMonitor
 from graspcast.errors import FormatError, InputError
+from graspcast.guarantees.drift_monitor import DriftMonitor
 
 ENV = {**os.environ, "PYTHONPATH": str(Path(graspcast.__file__).parents[1])}
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import graspcast
-from graspcast.certification import certify
 from graspcast.errors import FormatError, UnknownNameError
-from graspcast.promise import OVERALL, Promises
+from graspcast.guarantees.certificate import OVERALL, Promises
+from graspcast.guarantees.certify import certify
 from worlds import ASKED, World, drawn
 
 

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from graspcast.errors import InputError
-from graspcast.thresholds import Sequence, default_sequence, explore, learn_sequence
+from graspcast.guarantees.threshold_sequence import (
+    Sequence,
+    default_sequence,
+    explore,
+    learn_sequence,
+)
 from worlds import ASKED, World, drawn
 
 

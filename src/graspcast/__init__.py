@@ -18,11 +18,9 @@ if TYPE_CHECKING:
     from graspcast.bop.models import Models
     from graspcast.bop.release import import_release
     from graspcast.bop.results import Results, read_results, write_results
-    from graspcast.certification import certify
     from graspcast.comparison import Comparison, compare
     from graspcast.consensus import Features, consensus_features, describe, mean_add
     from graspcast.demo_data import demo_dataset
-    from graspcast.drift import DriftMonitor
     from graspcast.errors import GraspcastError
     from graspcast.estimates.alignment.alignment import Estimates, align, concatenate
     from graspcast.estimates.alignment.error_tables import measure, summarise
@@ -38,6 +36,10 @@ if TYPE_CHECKING:
     from graspcast.grasping.trial import Outcome, TrialRunner
     from graspcast.grasping.types import Grasp, GraspObject
     from graspcast.grasping.work import load_pairs
+    from graspcast.guarantees.certificate import Promise, Promises
+    from graspcast.guarantees.certify import certify
+    from graspcast.guarantees.drift_monitor import DriftMonitor
+    from graspcast.guarantees.threshold_sequence import Sequence, learn_sequence
     from graspcast.learning.blend import ForestSettings
     from graspcast.learning.forecaster import Forecaster
     from graspcast.learning.lessons import ErrorOutcomes, Lessons, lessons
@@ -47,12 +49,10 @@ if TYPE_CHECKING:
     from graspcast.learning.training import cross_validate, train_forecaster
     from graspcast.perception.conformance import check_estimator
     from graspcast.perception.estimator import Estimator, built_in
-    from graspcast.promise import Promise, Promises
     from graspcast.published import Published
     from graspcast.rendering.dataset import render_dataset
     from graspcast.report.paper import reproduce
     from graspcast.scorecard import Scorecard, score_verdicts
-    from graspcast.thresholds import Sequence, learn_sequence
     from graspcast.verdict import Verdict, decide, read_verdicts, verdict_rows, write_verdicts
 
 _HOME = {

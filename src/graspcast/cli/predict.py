@@ -119,7 +119,7 @@ class _Terms:
 
     def __init__(self, options: argparse.Namespace):
         from graspcast.errors import InputError
-        from graspcast.promise import Promises
+        from graspcast.guarantees.certificate import Promises
 
         if options.promise and options.threshold is not None:
             raise InputError("--promise brings its own threshold: leave out --threshold")

@@ -22,8 +22,8 @@ from graspcast.cli.options import (
 from graspcast.errors import InputError, MismatchError
 
 if TYPE_CHECKING:
+    from graspcast.guarantees.certificate import Promise, Promises
     from graspcast.learning.card import Card
-    from graspcast.promise import Promise, Promises
 
 __all__ = ["add_verbs"]
 
@@ -151,12 +151,12 @@ def _certify(options: argparse.Namespace) -> None:
     import numpy as np
 
     from graspcast._version import __version__
-    from graspcast.certification import certify
     from graspcast.estimates.alignment.instances import unit_names
     from graspcast.estimates.alignment.loading import load_outcomes
+    from graspcast.guarantees.certify import certify
+    from graspcast.guarantees.threshold_sequence import explore, learn_sequence
     from graspcast.learning.forecaster import Forecaster
     from graspcast.learning.samples import join
-    from graspcast.thresholds import explore, learn_sequence
 
     forecaster = Forecaster.load(options.model)
     card = forecaster.card
@@ -274,8 +274,8 @@ def _row(promise: Promise) -> list[str]:
 
 
 def _monitor(options: argparse.Namespace) -> int:
-    from graspcast.field import FieldLog
-    from graspcast.promise import OVERALL, Promises
+    from graspcast.guarantees.certificate import OVERALL, Promises
+    from graspcast.guarantees.monitor_state import FieldLog
 
     promises = Promises.load(options.promise)
     promise = promises.of(options.object or OVERALL)

@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.binomial import power
 from graspcast.errors import InputError
+from graspcast.guarantees.binomial import power
 
 __all__ = [
     "Sequence",
@@ -137,7 +137,7 @@ class UnitShares:
 
         Returns:
             The expected share of units with a drawn attempt, and that attempt's success rate (NaN
-            without attempts); the draw is explained in :mod:`graspcast.certification`.
+            without attempts); the draw is explained in :mod:`graspcast.guarantees.certify`.
         """
         some = ~np.isnan(self.succeeded)
         if not some.any():

@@ -1,7 +1,7 @@
 """Certifying: from calibration trials to a threshold at which a success rate can be promised.
 
 Learn-then-Test (Angelopoulos, Bates, Candès, Jordan, Lei: arXiv 2110.01052, 2021): thresholds are
-tested in a sequence that was fixed without the calibration data (:mod:`graspcast.thresholds`), each
+tested in a sequence that was fixed without the calibration data (:mod:`graspcast.guarantees.threshold_sequence`), each
 by an exact binomial test.
 
 **What is independent.** Trials in one scene are not: they share light, clutter and camera. Units
@@ -33,10 +33,15 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from graspcast.binomial import lower_bound, mean_interval, needed_trials, p_value
 from graspcast.errors import InputError, UnknownNameError
-from graspcast.promise import MOST_UNITS, OVERALL, Promise, Promises, Weight
-from graspcast.thresholds import Sequence, UnitShares, check_target, default_sequence
+from graspcast.guarantees.binomial import lower_bound, mean_interval, needed_trials, p_value
+from graspcast.guarantees.certificate import MOST_UNITS, OVERALL, Promise, Promises, Weight
+from graspcast.guarantees.threshold_sequence import (
+    Sequence,
+    UnitShares,
+    check_target,
+    default_sequence,
+)
 
 __all__ = ["certify"]
 

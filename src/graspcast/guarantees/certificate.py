@@ -1,6 +1,6 @@
 """What is promised of attempted grasps, on what evidence; and its file.
 
-How a promise comes about stands in :mod:`graspcast.certification`.
+How a promise comes about stands in :mod:`graspcast.guarantees.certify`.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from os import PathLike
 from typing import Any, Literal, get_args
 
 from graspcast.errors import FormatError, GraspcastError, UnknownNameError
+from graspcast.guarantees.threshold_sequence import Sequence
 from graspcast.io.files import write_text
 from graspcast.io.json import read_json, require
-from graspcast.thresholds import Sequence
 
 __all__ = [
     "MOST_UNITS",

@@ -17,12 +17,12 @@ from typing import Any
 
 import polars as pl
 
-from graspcast.drift import DriftMonitor
 from graspcast.errors import FormatError, MismatchError
 from graspcast.estimates.alignment.outcomes import read_outcomes
+from graspcast.guarantees.certificate import OVERALL, Promise
+from graspcast.guarantees.drift_monitor import DriftMonitor
 from graspcast.io.files import write_text
 from graspcast.io.json import read_json, require
-from graspcast.promise import OVERALL, Promise
 
 __all__ = ["FieldLog"]
 
