@@ -17,7 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from graspcast.estimates.alignment.alignment import align
+from graspcast.estimates.alignment import align
 
 from graspcast import (
     Estimates,

@@ -16,7 +16,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from graspcast.estimates.alignment.outcomes import read_all_outcomes
+from graspcast.estimates.outcomes import read_all_outcomes
 
 from graspcast.cli.options import write_json
 from graspcast.guarantees.certify import certify

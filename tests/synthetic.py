@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 import polars as pl
-from graspcast.estimates.alignment.alignment import Estimates
+from graspcast.estimates.alignment import Estimates
 
 from graspcast.bop.models import Models
 from graspcast.learning.benchmark import Benchmark

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from graspcast.estimates.alignment.instances import unit_names
+from graspcast.estimates.instances import unit_names
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy import ndarray

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from graspcast.estimates.alignment.outcomes import ERROR_COLUMNS, error_numbers
+from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
 
 import synthetic
 from commands import refused

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from graspcast.estimates.alignment.alignment import Estimates, align
+from graspcast.estimates.alignment import Estimates, align
 from numpy.testing import assert_allclose, assert_array_equal
 
 from graspcast.bop.dataset import BopDataset

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import polars as pl
 import pytest
-from graspcast.estimates.alignment.error_statistics import correlations, tails
+from graspcast.estimates.error_statistics import correlations, tails
 from scipy.stats import spearmanr
 
 from graspcast.errors import MismatchError

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from graspcast.estimates.alignment.alignment import align, concatenate, instance_numbers
+from graspcast.estimates.alignment import align, concatenate, instance_numbers
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal

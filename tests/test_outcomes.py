@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from graspcast.estimates.alignment.outcomes import (
+from graspcast.estimates.outcomes import (
     ERROR_COLUMNS,
     KEYS,
     error_numbers,

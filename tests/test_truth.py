@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from graspcast.estimates.alignment.error_tables import MEASURES, measure, summarise
-from graspcast.estimates.alignment.matching import match
+from graspcast.estimates.error_tables import MEASURES, measure, summarise
+from graspcast.estimates.matching import match
 from numpy.testing import assert_allclose
 
 from graspcast.bop.dataset import BopDataset, GroundTruth

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from graspcast.consensus import Features, consensus_features, describe, mean_add
     from graspcast.demo_data import demo_dataset
     from graspcast.errors import GraspcastError
-    from graspcast.estimates.alignment.alignment import Estimates, align, concatenate
-    from graspcast.estimates.alignment.error_tables import measure, summarise
-    from graspcast.estimates.alignment.instances import unit_names
-    from graspcast.estimates.alignment.matching import match
-    from graspcast.estimates.alignment.outcomes import read_outcomes
+    from graspcast.estimates.alignment import Estimates, align, concatenate
+    from graspcast.estimates.error_tables import measure, summarise
+    from graspcast.estimates.instances import unit_names
+    from graspcast.estimates.matching import match
+    from graspcast.estimates.outcomes import read_outcomes
     from graspcast.grasping.campaign import run_campaign
     from graspcast.grasping.conformance import check_gripper
     from graspcast.grasping.grasps import read_grasps

@@ -14,8 +14,8 @@ from graspcast.bop.dataset import BopDataset, GroundTruth
 from graspcast.bop.meshes import Mesh, read_coloured_mesh
 from graspcast.bop.results import Results
 from graspcast.errors import FormatError, InputError
-from graspcast.estimates.alignment.alignment import partners, rows_in_image
-from graspcast.estimates.alignment.matching import match
+from graspcast.estimates.alignment import partners, rows_in_image
+from graspcast.estimates.matching import match
 from graspcast.overlay import draw_overlay
 from graspcast.pose.metrics import rotation_error, translation_error
 from graspcast.sheet import BAD, FAINT, GOOD, INK, blank, width_of, write

@@ -24,8 +24,8 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.models import Models
 from graspcast.bop.results import read_results
 from graspcast.errors import InputError
-from graspcast.estimates.alignment.alignment import Estimates, align, concatenate
-from graspcast.estimates.alignment.outcomes import read_all_outcomes
+from graspcast.estimates.alignment import Estimates, align, concatenate
+from graspcast.estimates.outcomes import read_all_outcomes
 from graspcast.learning.samples import Samples, join, published_part, read_split
 
 __all__ = ["DATASETS", "ESTIMATORS", "GRIPPERS", "OBJECTS", "Published"]

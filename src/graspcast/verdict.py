@@ -11,7 +11,7 @@ from os import PathLike
 from pathlib import Path
 
 from graspcast.errors import FormatError, InputError
-from graspcast.estimates.alignment.alignment import Estimates
+from graspcast.estimates.alignment import Estimates
 from graspcast.io.files import write_text
 
 __all__ = [

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from graspcast.estimates.alignment.image_split import BLOCKS, PARTS, frames_of, part_of
+from graspcast.estimates.image_split import BLOCKS, PARTS, frames_of, part_of
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from graspcast.estimates.alignment.instances import scene_groups
+from graspcast.estimates.instances import scene_groups
 from numpy.testing import assert_array_equal
 
 import synthetic

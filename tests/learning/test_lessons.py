@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from graspcast.estimates.alignment.alignment import Estimates
-from graspcast.estimates.alignment.outcomes import ERROR_COLUMNS, error_numbers
+from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
 from numpy.testing import assert_allclose, assert_array_equal
 
 import synthetic

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import polars as pl
 import pytest
-from graspcast.estimates.alignment.alignment import Estimates
+from graspcast.estimates.alignment import Estimates
 from numpy.testing import assert_allclose, assert_array_equal
 
 import synthetic

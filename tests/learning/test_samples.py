@@ -9,8 +9,8 @@ from random import Random
 import numpy as np
 import polars as pl
 import pytest
-from graspcast.estimates.alignment.alignment import Estimates
-from graspcast.estimates.alignment.instances import scene_groups
+from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.instances import scene_groups
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from graspcast.estimates.alignment.error_tables import measure, summarise
+from graspcast.estimates.error_tables import measure, summarise
 
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.detections import Detections, jittered, read_detections

@@ -11,7 +11,7 @@ from graspcast.cli.console import note, print_table, print_text, progress_bar
 from graspcast.cli.options import Verbs, add_inputs, add_out, add_verb, inputs_of
 
 if TYPE_CHECKING:
-    from graspcast.estimates.alignment.loading import Inputs
+    from graspcast.estimates.loading import Inputs
     from graspcast.grasping.campaign import Progress
     from graspcast.grasping.executors import Executor
     from graspcast.grasping.grasps import GraspTable

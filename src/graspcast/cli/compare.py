@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from graspcast.comparison import Comparison, Judged
-    from graspcast.estimates.alignment.loading import Inputs
+    from graspcast.estimates.loading import Inputs
     from graspcast.learning.contrast import Contrast
     from graspcast.learning.lessons import Lessons
 
@@ -98,7 +98,7 @@ def _compare(options: argparse.Namespace) -> None:
 def _lessons(options: argparse.Namespace, inputs: Inputs) -> list[Lessons]:
     """Those of each estimator that has outcomes with the gripper."""
     from graspcast.errors import MismatchError, UnknownNameError
-    from graspcast.estimates.alignment.loading import load_outcomes
+    from graspcast.estimates.loading import load_outcomes
     from graspcast.learning.lessons import lessons
 
     # Before outcomes are read: a consensus takes two, whatever they say.

@@ -84,8 +84,8 @@ def _import_release(options: argparse.Namespace) -> None:
 def _errors(options: argparse.Namespace) -> None:
     import polars as pl
 
-    from graspcast.estimates.alignment.error_statistics import MEASURED
-    from graspcast.estimates.alignment.error_tables import MEASURES, measure, summarise
+    from graspcast.estimates.error_statistics import MEASURED
+    from graspcast.estimates.error_tables import MEASURES, measure, summarise
     from graspcast.io.tables import write_table
 
     inputs = inputs_of(options)
@@ -126,7 +126,7 @@ def _errors(options: argparse.Namespace) -> None:
 
 
 def _print_errors(figures: Mapping[tuple[str, str], DataFrame], statistic: str) -> None:
-    from graspcast.estimates.alignment.error_tables import MEASURES
+    from graspcast.estimates.error_tables import MEASURES
 
     header = ["object", "n", *(_SHORT.get(m, m).replace("_", "\n") for m in MEASURES)]
     for (dataset, estimator), table in figures.items():
@@ -140,7 +140,7 @@ def _print_errors(figures: Mapping[tuple[str, str], DataFrame], statistic: str) 
 
 def _shape(parts: Sequence[DataFrame]) -> dict[str, Any]:
     """Print tails and correlations of each dataset; the figures for JSON."""
-    from graspcast.estimates.alignment.error_statistics import correlations, tails
+    from graspcast.estimates.error_statistics import correlations, tails
 
     by_dataset: dict[str, dict[str, DataFrame]] = {}
     for part in parts:

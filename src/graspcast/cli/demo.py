@@ -194,7 +194,7 @@ def _range(scenes: list[int]) -> list[str]:
 
 def _with_outcomes(verdicts: Path, trials: Path) -> pl.DataFrame:
     """Verdicts, and what came of the grasps; drawn at random, but the same each time."""
-    from graspcast.estimates.alignment.outcomes import read_outcomes
+    from graspcast.estimates.outcomes import read_outcomes
     from graspcast.scorecard import with_outcomes
     from graspcast.verdict import read_verdicts
 

@@ -117,7 +117,7 @@ def _evaluate(options: argparse.Namespace) -> None:
     import time
     from dataclasses import asdict
 
-    from graspcast.estimates.alignment.outcomes import read_all_outcomes
+    from graspcast.estimates.outcomes import read_all_outcomes
     from graspcast.learning.benchmark import Benchmark
     from graspcast.learning.forecast_run import forecast_all
     from graspcast.learning.lessons import ErrorOutcomes

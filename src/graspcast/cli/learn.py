@@ -20,7 +20,7 @@ from graspcast.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from graspcast.estimates.alignment.loading import Inputs
+    from graspcast.estimates.loading import Inputs
     from graspcast.learning.lessons import Lessons
 
 __all__ = ["add_verbs"]
@@ -180,8 +180,8 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> Lessons:
     import numpy as np
 
     from graspcast.errors import InputError
-    from graspcast.estimates.alignment.loading import load_outcomes
-    from graspcast.estimates.alignment.matching import true_poses
+    from graspcast.estimates.loading import load_outcomes
+    from graspcast.estimates.matching import true_poses
     from graspcast.learning.lessons import ErrorOutcomes, lessons
     from graspcast.learning.samples import join
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:
-    from graspcast.estimates.alignment.loading import Inputs
+    from graspcast.estimates.loading import Inputs
 
 __all__ = [
     "Verbs",
@@ -115,7 +115,7 @@ def add_inputs(
 
 def inputs_of(options: argparse.Namespace) -> Inputs:
     """What :func:`add_inputs`'s options name."""
-    from graspcast.estimates.alignment.loading import load_inputs
+    from graspcast.estimates.loading import load_inputs
 
     return load_inputs(
         options.estimates,

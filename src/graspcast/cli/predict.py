@@ -21,7 +21,7 @@ from graspcast.errors import MismatchError
 
 if TYPE_CHECKING:
     from graspcast.bop.models import Models
-    from graspcast.estimates.alignment.alignment import Estimates
+    from graspcast.estimates.alignment import Estimates
     from graspcast.learning.forecaster import Forecaster
     from graspcast.verdict import VerdictRow
 

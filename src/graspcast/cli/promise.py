@@ -151,8 +151,8 @@ def _certify(options: argparse.Namespace) -> None:
     import numpy as np
 
     from graspcast._version import __version__
-    from graspcast.estimates.alignment.instances import unit_names
-    from graspcast.estimates.alignment.loading import load_outcomes
+    from graspcast.estimates.instances import unit_names
+    from graspcast.estimates.loading import load_outcomes
     from graspcast.guarantees.certify import certify
     from graspcast.guarantees.threshold_sequence import explore, learn_sequence
     from graspcast.learning.forecaster import Forecaster

@@ -35,7 +35,7 @@ def add_verbs(verbs: Verbs) -> None:
 
 
 def _score(options: argparse.Namespace) -> None:
-    from graspcast.estimates.alignment.outcomes import read_all_outcomes
+    from graspcast.estimates.outcomes import read_all_outcomes
     from graspcast.scorecard import score_verdicts
     from graspcast.verdict import read_verdicts
 

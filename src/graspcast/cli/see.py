@@ -220,9 +220,9 @@ def _estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray,
 
 
 def _read_estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray, "4 4"]:
-    from graspcast.estimates.alignment.alignment import rows_in_image
-    from graspcast.estimates.alignment.loading import load_inputs
-    from graspcast.estimates.alignment.matching import match
+    from graspcast.estimates.alignment import rows_in_image
+    from graspcast.estimates.loading import load_inputs
+    from graspcast.estimates.matching import match
     from graspcast.pose.transforms import invert
 
     if entry.obj_id is None:

@@ -98,7 +98,7 @@ def _published_trials(directory: Path) -> tuple[LabelledTrials, dict[str, Path]]
 
 def _trials_of(options: argparse.Namespace) -> tuple[LabelledTrials, dict[str, Path]]:
     """The trials that the options name, and the datasets' BOP directories."""
-    from graspcast.estimates.alignment.loading import load_outcomes
+    from graspcast.estimates.loading import load_outcomes
     from graspcast.grasping.labelled import labelled_trials
 
     if options.data is not None:

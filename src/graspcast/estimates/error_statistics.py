@@ -27,7 +27,7 @@ def tails(errors: pl.DataFrame) -> pl.DataFrame:
     """Quantiles of one estimator's errors over objects, and how many are large.
 
     Args:
-        errors: As from :func:`graspcast.estimates.alignment.error_tables.measure`, with :data:`MEASURED`.
+        errors: As from :func:`graspcast.estimates.error_tables.measure`, with :data:`MEASURED`.
 
     Returns:
         A row for each object, and one (``obj_id`` null) of all instances alike: ``n``; 50, 75 and
@@ -57,7 +57,7 @@ def correlations(errors: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
     """Rank correlation (Spearman) of errors between estimators, over instances both have seen.
 
     Args:
-        errors: Each estimator's, as from :func:`graspcast.estimates.alignment.error_tables.measure`.
+        errors: Each estimator's, as from :func:`graspcast.estimates.error_tables.measure`.
 
     Returns:
         A row for each pair: ``first, second, n``, the correlations ``rotation`` and

@@ -11,8 +11,8 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
-from graspcast.estimates.alignment.alignment import instance_numbers
-from graspcast.estimates.alignment.matching import match
+from graspcast.estimates.alignment import instance_numbers
+from graspcast.estimates.matching import match
 from graspcast.pose import metrics
 
 __all__ = ["MEASURES", "measure", "summarise"]

@@ -7,10 +7,11 @@ from typing import Literal
 import numpy as np
 from numpy import ndarray
 
-from graspcast.estimates.alignment.alignment import Estimates
-from graspcast.estimates.alignment.instances import UnitKind
+from graspcast.estimates.alignment import Estimates
 
 __all__ = ["UnitKind", "scene_groups", "unit_names"]
+
+UnitKind = Literal["scene", "image"]
 
 
 def unit_names(estimates: Estimates, kind: UnitKind) -> ndarray:
@@ -39,6 +40,3 @@ def scene_groups(estimates: Estimates, *, blocks: int = 5) -> ndarray:
         block = np.searchsorted(frames, estimates.im_id[mine]) * blocks // len(frames)
         names[mine] = [f"{n}#{b}" for n, b in zip(names[mine], block, strict=True)]
     return names.astype(str)
-
-
-UnitKind = Literal["scene", "image"]

@@ -21,9 +21,9 @@ from graspcast.errors import (
     MismatchError,
     UnknownNameError,
 )
-from graspcast.estimates.alignment.alignment import Estimates, align, concatenate
-from graspcast.estimates.alignment.matching import true_poses
-from graspcast.estimates.alignment.outcomes import read_all_outcomes
+from graspcast.estimates.alignment import Estimates, align, concatenate
+from graspcast.estimates.matching import true_poses
+from graspcast.estimates.outcomes import read_all_outcomes
 
 __all__ = ["Inputs", "load_inputs", "load_outcomes"]
 

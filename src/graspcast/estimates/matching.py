@@ -12,7 +12,7 @@ from graspcast.bop.dataset import BopDataset, GroundTruth
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
-from graspcast.estimates.alignment.alignment import Estimates, assign
+from graspcast.estimates.alignment import Estimates, assign
 from graspcast.pose.metrics import nearest_symmetric
 
 __all__ = ["match", "nearest_truth", "true_poses"]

@@ -16,7 +16,7 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, MismatchError
-from graspcast.estimates.alignment.matching import match, nearest_truth
+from graspcast.estimates.matching import match, nearest_truth
 from graspcast.grasping.requests import TrialRequests
 from graspcast.pose.ray_frame import error_along, relative
 from graspcast.pose.transforms import compose, invert, rotation_from_quaternion

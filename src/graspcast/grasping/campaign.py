@@ -18,7 +18,7 @@ import polars as pl
 
 from graspcast._version import __version__
 from graspcast.errors import CampaignStoppedError, GraspcastError
-from graspcast.estimates.alignment.outcomes import ERROR_COLUMNS, error_numbers
+from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
 from graspcast.grasping.card import write_card
 from graspcast.grasping.executors import Executor, LocalExecutor
 from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests

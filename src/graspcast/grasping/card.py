@@ -9,7 +9,7 @@ from typing import Any
 
 import polars as pl
 
-from graspcast.estimates.alignment.outcomes import ERROR_COLUMNS
+from graspcast.estimates.outcomes import ERROR_COLUMNS
 from graspcast.io.files import write_text
 
 __all__ = ["card_text", "write_card"]

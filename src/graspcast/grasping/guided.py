@@ -14,8 +14,8 @@ import polars as pl
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
-from graspcast.estimates.alignment.alignment import instance_numbers
-from graspcast.estimates.alignment.matching import match
+from graspcast.estimates.alignment import instance_numbers
+from graspcast.estimates.matching import match
 from graspcast.grasping.grasps import GraspTable
 from graspcast.grasping.requests import TrialRequests
 from graspcast.pose.transforms import compose, invert

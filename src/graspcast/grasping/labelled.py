@@ -13,7 +13,7 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, UnknownNameError
-from graspcast.estimates.alignment.image_split import Part, frames_of, part_of
+from graspcast.estimates.image_split import Part, frames_of, part_of
 from graspcast.grasping.guided import guided_trials
 from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
 from graspcast.grasping.sample import FittedTrials

@@ -26,7 +26,7 @@ from typing import Any
 import polars as pl
 
 from graspcast.errors import FormatError, InputError, MismatchError
-from graspcast.estimates.alignment.outcomes import ERROR_COLUMNS
+from graspcast.estimates.outcomes import ERROR_COLUMNS
 from graspcast.grasping.requests import KEY_COLUMNS
 from graspcast.io.files import write_text
 from graspcast.io.tables import read_parquet, write_table

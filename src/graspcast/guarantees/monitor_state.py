@@ -18,7 +18,7 @@ from typing import Any
 import polars as pl
 
 from graspcast.errors import FormatError, MismatchError
-from graspcast.estimates.alignment.outcomes import read_outcomes
+from graspcast.estimates.outcomes import read_outcomes
 from graspcast.guarantees.certificate import OVERALL, Promise
 from graspcast.guarantees.drift_monitor import DriftMonitor
 from graspcast.io.files import write_text

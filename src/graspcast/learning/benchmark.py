@@ -15,10 +15,10 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
-from graspcast.estimates.alignment.alignment import Estimates
-from graspcast.estimates.alignment.image_split import frames_of, part_of
-from graspcast.estimates.alignment.instances import scene_groups
-from graspcast.estimates.alignment.matching import true_poses
+from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.image_split import frames_of, part_of
+from graspcast.estimates.instances import scene_groups
+from graspcast.estimates.matching import true_poses
 from graspcast.learning.lessons import ErrorOutcomes
 from graspcast.learning.samples import Samples, join
 from graspcast.published import Published

@@ -18,7 +18,7 @@ from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
-from graspcast.estimates.alignment.instances import unit_names
+from graspcast.estimates.instances import unit_names
 from graspcast.learning.apart import Apart
 from graspcast.learning.forests import Forest, flatten
 from graspcast.learning.lesson_table import LessonTable

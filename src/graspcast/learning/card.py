@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from graspcast.estimates.alignment.alignment import Estimates
+from graspcast.estimates.alignment import Estimates
 
 __all__ = ["Card", "digest_of"]
 

@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.estimates.alignment.alignment import Estimates
-from graspcast.estimates.alignment.instances import scene_groups
+from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.instances import scene_groups
 from graspcast.pose.ray_frame import compressed, relative
 
 __all__ = ["Familiarity"]

@@ -17,7 +17,7 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.consensus import Features, FeatureSet, consensus_features, mean_add
 from graspcast.errors import FormatError, InputError, MismatchError
-from graspcast.estimates.alignment.alignment import Estimates
+from graspcast.estimates.alignment import Estimates
 from graspcast.io.files import atomic_write
 from graspcast.learning.blend import Blend
 from graspcast.learning.card import Card

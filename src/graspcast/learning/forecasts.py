@@ -31,7 +31,7 @@ class Forecasts:
         success: Outcomes, (n,).
         objects: ``dataset-number`` of each, (n,).
         scenes: Each one's scene or block of frames, as
-            :func:`graspcast.estimates.alignment.instances.scene_groups` names them, (n,).
+            :func:`graspcast.estimates.instances.scene_groups` names them, (n,).
 
     Raises:
         MismatchError: if the columns differ in length.

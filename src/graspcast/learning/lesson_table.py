@@ -11,8 +11,8 @@ from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.consensus import consensus_features
-from graspcast.estimates.alignment.instances import scene_groups
-from graspcast.estimates.alignment.matching import nearest_truth
+from graspcast.estimates.instances import scene_groups
+from graspcast.estimates.matching import nearest_truth
 from graspcast.learning.lessons import Lessons
 from graspcast.learning.predictors import UNSEEN
 from graspcast.pose.ray_frame import relative

@@ -12,8 +12,8 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.errors import MismatchError, UnknownNameError
-from graspcast.estimates.alignment.alignment import Estimates
-from graspcast.estimates.alignment.outcomes import read_error_outcomes
+from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.outcomes import read_error_outcomes
 from graspcast.learning.samples import Samples, outcomes_of
 
 __all__ = ["ErrorOutcomes", "Lessons", "as_lessons", "lessons"]

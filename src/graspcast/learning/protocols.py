@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError, UnknownNameError
-from graspcast.estimates.alignment.alignment import Estimates
+from graspcast.estimates.alignment import Estimates
 from graspcast.learning.benchmark import Benchmark
 from graspcast.learning.forecasts import Forecasts
 from graspcast.learning.lessons import ErrorOutcomes

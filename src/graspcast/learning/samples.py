@@ -17,8 +17,8 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
-from graspcast.estimates.alignment.alignment import Estimates
-from graspcast.estimates.alignment.instances import scene_groups
+from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.instances import scene_groups
 
 __all__ = [
     "Samples",

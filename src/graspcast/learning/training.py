@@ -15,7 +15,7 @@ from graspcast._version import __version__
 from graspcast.bop.models import Models
 from graspcast.consensus import FeatureSet
 from graspcast.errors import InputError, UnknownNameError
-from graspcast.estimates.alignment.instances import scene_groups, unit_names
+from graspcast.estimates.instances import scene_groups, unit_names
 from graspcast.learning.blend import Blend, ForestSettings
 from graspcast.learning.card import Card, digest_of
 from graspcast.learning.familiarity import Familiarity

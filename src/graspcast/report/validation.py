@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from graspcast.estimates.alignment.image_split import PARTS
+from graspcast.estimates.image_split import PARTS
 from graspcast.grasping.agreement import agreement
 from graspcast.grasping.grasps import GraspTable
 from graspcast.grasping.labelled import LabelledTrials
