@@ -16,9 +16,9 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from graspcast.estimates.outcomes import read_all_outcomes
 
 from graspcast.cli.options import write_json
+from graspcast.estimates.outcomes import read_all_outcomes
 from graspcast.guarantees.certify import certify
 from graspcast.learning.benchmark import Benchmark
 from graspcast.learning.forecast_run import forecast_all

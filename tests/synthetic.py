@@ -8,9 +8,9 @@ from itertools import product
 
 import numpy as np
 import polars as pl
-from graspcast.estimates.alignment import Estimates
 
 from graspcast.bop.models import Models
+from graspcast.estimates.alignment import Estimates
 from graspcast.learning.benchmark import Benchmark
 from graspcast.learning.lessons import ErrorOutcomes, Lessons
 from graspcast.learning.samples import Samples

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 import pytest
-from graspcast.estimates.instances import unit_names
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy import ndarray
 from scipy.stats import binomtest
 
 from graspcast.errors import InputError
+from graspcast.estimates.instances import unit_names
 from graspcast.guarantees.certificate import Weight
 from graspcast.guarantees.certify import certify
 from graspcast.guarantees.threshold_sequence import Sequence, default_sequence, learn_sequence

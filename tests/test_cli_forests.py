@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
 
 import synthetic
 from commands import refused
 from graspcast.bop.results import Results, write_results
 from graspcast.bop.units import millimetres
 from graspcast.cli import main
+from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
 from graspcast.guarantees.certificate import Promises
 from graspcast.learning.forecaster import Forecaster
 from poses import results_of, write_models

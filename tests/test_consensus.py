@@ -9,7 +9,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from graspcast.estimates.alignment import Estimates, align
 from numpy.testing import assert_allclose, assert_array_equal
 
 from graspcast.bop.dataset import BopDataset
@@ -24,6 +23,7 @@ from graspcast.consensus import (
     mean_add,
 )
 from graspcast.errors import MismatchError, UnknownNameError
+from graspcast.estimates.alignment import Estimates, align
 from poses import nudged, random_poses, results_of, write_models
 
 HALF_TURN = [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import polars as pl
 import pytest
-from graspcast.estimates.error_statistics import correlations, tails
 from scipy.stats import spearmanr
 
 from graspcast.errors import MismatchError
+from graspcast.estimates.error_statistics import correlations, tails
 
 
 def table(seed: int, n: int = 200, start: int = 0) -> pl.DataFrame:

@@ -6,13 +6,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from graspcast.estimates.alignment import align, concatenate, instance_numbers
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, MismatchError, UnknownNameError
+from graspcast.estimates.alignment import align, concatenate, instance_numbers
 from poses import nudged, random_poses, results_of
 
 

@@ -7,6 +7,11 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from graspcast.errors import FormatError
 from graspcast.estimates.outcomes import (
     ERROR_COLUMNS,
     KEYS,
@@ -14,11 +19,6 @@ from graspcast.estimates.outcomes import (
     read_error_outcomes,
     read_outcomes,
 )
-from hypothesis import HealthCheck, example, given, settings
-from hypothesis import strategies as st
-from numpy.testing import assert_allclose, assert_array_equal
-
-from graspcast.errors import FormatError
 from graspcast.io.tables import write_table
 from poses import random_poses
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from graspcast.estimates.error_tables import MEASURES, measure, summarise
-from graspcast.estimates.matching import match
 from numpy.testing import assert_allclose
 
 from graspcast.bop.dataset import BopDataset, GroundTruth
 from graspcast.bop.results import Results, read_results
 from graspcast.errors import MismatchError, UnknownNameError
+from graspcast.estimates.error_tables import MEASURES, measure, summarise
+from graspcast.estimates.matching import match
 from graspcast.pose.transforms import transform_points
 from graspcast.published import Published
 from poses import nudged, random_poses, results_of, write_models

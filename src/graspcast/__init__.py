@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from graspcast.estimates.instances import unit_names
     from graspcast.estimates.matching import match
     from graspcast.estimates.outcomes import read_outcomes
+    from graspcast.forecasting.models.base import NetworkSettings
+    from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.grasping.campaign import run_campaign
     from graspcast.grasping.conformance import check_gripper
     from graspcast.grasping.grasps import read_grasps
@@ -40,10 +42,8 @@ if TYPE_CHECKING:
     from graspcast.guarantees.certify import certify
     from graspcast.guarantees.drift_monitor import DriftMonitor
     from graspcast.guarantees.threshold_sequence import Sequence, learn_sequence
-    from graspcast.learning.blend import ForestSettings
     from graspcast.learning.forecaster import Forecaster
     from graspcast.learning.lessons import ErrorOutcomes, Lessons, lessons
-    from graspcast.learning.predictors import NetworkSettings
     from graspcast.learning.samples import Samples, join
     from graspcast.learning.scores import Scores, score
     from graspcast.learning.training import cross_validate, train_forecaster

@@ -19,7 +19,7 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.instances import scene_groups
-from graspcast.learning.blend import ForestSettings
+from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.learning.contrast import (
     DECISIVE,
     FORECAST,

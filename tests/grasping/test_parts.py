@@ -2,11 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from graspcast.estimates.image_split import BLOCKS, PARTS, frames_of, part_of
 from hypothesis import given
 from hypothesis import strategies as st
 
 from graspcast.errors import MismatchError
+from graspcast.estimates.image_split import BLOCKS, PARTS, frames_of, part_of
 
 
 def _parts(frames: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from graspcast.bop.release import read_add_differences
 from graspcast.errors import InputError
-from graspcast.learning.baseline import fit_threshold, fit_thresholds, predict_below
+from graspcast.forecasting.models.add_threshold import fit_threshold, fit_thresholds, predict_below
 from graspcast.published import Published
 from graspcast.report.paper import baseline_accuracy
 

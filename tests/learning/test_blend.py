@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import synthetic
 from graspcast.bop.models import Models
 from graspcast.errors import InputError
-from graspcast.learning.blend import Blend, ForestSettings, _calibrate
+from graspcast.forecasting.models.blend import Blend, ForestSettings, _calibrate
 from graspcast.learning.forecaster import Forecaster, features_of
 from graspcast.learning.lessons import ErrorOutcomes, Lessons
 from graspcast.learning.scores import score

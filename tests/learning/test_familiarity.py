@@ -6,10 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from graspcast.estimates.alignment import Estimates
 from numpy.testing import assert_allclose, assert_array_equal
 
 import synthetic
+from graspcast.estimates.alignment import Estimates
 from graspcast.learning.familiarity import Familiarity, disagreement
 
 TRAINING, HELD_OUT = 300, 400

@@ -16,7 +16,7 @@ from sklearn.ensemble import (
     RandomForestRegressor,
 )
 
-from graspcast.learning.forests import Forest, flatten
+from graspcast.forecasting.models.forest import Forest, flatten
 
 KINDS = [
     ExtraTreesClassifier,

@@ -17,7 +17,7 @@ from numpy.testing import assert_allclose
 import synthetic
 from graspcast.bop.models import Models
 from graspcast.consensus import Features, FeatureSet, consensus_features
-from graspcast.learning.blend import ForestSettings
+from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.learning.influence import groups_of, influences
 from graspcast.learning.training import train_forecaster
 from poses import write_models
@@ -116,9 +116,9 @@ def test_what_is_typical_moves_nothing() -> None:
 def test_explanations_of_real_forecasters_are_differences_of_their_forecasts(
     method: str, which: FeatureSet, models: dict[str, Models]
 ) -> None:
+    from graspcast.forecasting.models.base import NetworkSettings
     from graspcast.learning.forecaster import features_of
     from graspcast.learning.mlp_training import MlpSettings
-    from graspcast.learning.predictors import NetworkSettings
 
     forecaster = train_forecaster(
         synthetic.lessons(120),

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from graspcast.estimates.alignment import Estimates
-from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
 from numpy.testing import assert_allclose, assert_array_equal
 
 import synthetic
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
+from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
 from graspcast.learning.lessons import ErrorOutcomes, as_lessons, lessons
 
 NAMES = ("a", "b", "c")

@@ -11,15 +11,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from graspcast.errors import UnknownNameError
+from graspcast.forecasting.models.encoding import one_hot
 from graspcast.learning.mlp_training import MlpSettings, Problem, Watch, train
-from graspcast.learning.networks import (
-    CONFIGURATIONS,
-    Cell,
-    CellKey,
-    one_hot,
-    run,
-    validation_part,
-)
+from graspcast.learning.networks import CONFIGURATIONS, Cell, CellKey, run, validation_part
 
 SHORT = MlpSettings(epochs=20, hidden=(8, 4), rate=1e-2)
 OBJECTS, GRIPPERS = ("d-1", "d-10", "d-2"), ("parallel", "underactuated")

@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import polars as pl
 import pytest
-from graspcast.estimates.alignment import Estimates
 from numpy.testing import assert_allclose, assert_array_equal
 
 import synthetic
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError, UnknownNameError
+from graspcast.estimates.alignment import Estimates
 from graspcast.learning.benchmark import Benchmark, _true_poses
 from graspcast.learning.methods import (
     METHODS,

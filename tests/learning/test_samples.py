@@ -9,14 +9,14 @@ from random import Random
 import numpy as np
 import polars as pl
 import pytest
-from graspcast.estimates.alignment import Estimates
-from graspcast.estimates.instances import scene_groups
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 import synthetic
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
+from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.instances import scene_groups
 from graspcast.learning.samples import (
     Samples,
     by_object,

@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 import synthetic
-from graspcast.learning.forests import Forest
-from graspcast.learning.two_stage import ErrorModel, Survival, expected_survival
+from graspcast.forecasting.models.forest import Forest
+from graspcast.forecasting.models.two_stage import ErrorModel, Survival, expected_survival
 from graspcast.pose.ray_frame import error_along, obj_R_ray, relative
 from poses import nudged, random_poses
 

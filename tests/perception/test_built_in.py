@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from graspcast.estimates.error_tables import measure, summarise
 
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.detections import Detections, jittered, read_detections
 from graspcast.demo_data import demo_dataset
 from graspcast.errors import FormatError, InputError, UnknownNameError
+from graspcast.estimates.error_tables import measure, summarise
 from graspcast.perception import BUILT_IN, built_in
 from graspcast.perception.conformance import check_estimator
 from graspcast.perception.run import run_estimator

@@ -76,7 +76,7 @@ def add_verbs(verbs: Verbs) -> None:
 
 def _compare(options: argparse.Namespace) -> None:
     from graspcast.comparison import compare
-    from graspcast.learning.blend import ForestSettings
+    from graspcast.forecasting.models.blend import ForestSettings
 
     inputs = inputs_of(options)
     lessons = _lessons(options, inputs)

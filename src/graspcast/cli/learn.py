@@ -120,9 +120,9 @@ def _add_train(verbs: Verbs) -> None:
 def _train(options: argparse.Namespace) -> None:
     from dataclasses import replace
 
-    from graspcast.learning.blend import ForestSettings
+    from graspcast.forecasting.models.base import NetworkSettings
+    from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.learning.mlp_training import MlpSettings
-    from graspcast.learning.predictors import NetworkSettings
     from graspcast.learning.training import cross_validate, train_forecaster
 
     inputs = inputs_of(options)

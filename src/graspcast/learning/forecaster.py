@@ -18,12 +18,14 @@ from graspcast.bop.models import Models
 from graspcast.consensus import Features, FeatureSet, consensus_features, mean_add
 from graspcast.errors import FormatError, InputError, MismatchError
 from graspcast.estimates.alignment import Estimates
+from graspcast.forecasting.models.add_threshold import Thresholds
+from graspcast.forecasting.models.base import NetworkEnsemble, Predictor
+from graspcast.forecasting.models.blend import Blend
+from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.io.files import atomic_write
-from graspcast.learning.blend import Blend
 from graspcast.learning.card import Card
 from graspcast.learning.familiarity import Familiarity
 from graspcast.learning.influence import influences
-from graspcast.learning.predictors import UNSEEN, NetworkEnsemble, Predictor, Thresholds
 from graspcast.verdict import STRANGE, Verdict, check_threshold, decide
 
 __all__ = ["KINDS", "Forecaster", "features_of"]

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.consensus import Features
-from graspcast.learning.predictors import Predictor
+from graspcast.forecasting.models.base import Predictor
 
 __all__ = ["groups_of", "influences"]
 

@@ -16,10 +16,10 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.consensus import consensus_features
-from graspcast.learning.blend import ForestSettings
+from graspcast.forecasting.models.base import NetworkSettings
+from graspcast.forecasting.models.blend import ForestSettings
+from graspcast.forecasting.models.encoding import one_hot
 from graspcast.learning.lessons import Lessons
-from graspcast.learning.networks import one_hot
-from graspcast.learning.predictors import NetworkSettings
 from graspcast.learning.protocols import Method, Task
 from graspcast.learning.training import train_forecaster
 

@@ -21,17 +21,16 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.errors import UnknownNameError
+from graspcast.forecasting.models.encoding import one_hot
 from graspcast.learning.mlp_training import Checkpoint, MlpSettings, Problem, Trained, Watch, train
 
 __all__ = [
     "CONFIGURATIONS",
-    "PROTOCOLS",
     "Cell",
     "CellKey",
     "Configuration",
+    "PROTOCOLS",
     "Protocol",
-    "one_hot",
     "run",
     "validation_part",
 ]
@@ -86,20 +85,6 @@ class Cell:
     features: Float[ndarray, "n d"]
     success: Bool[ndarray, "n"]
     is_train: Bool[ndarray, "n"]
-
-
-def one_hot(names: Iterable[str], known: tuple[str, ...], kind: str) -> Float[ndarray, "n k"]:
-    """A row for each name, with a 1 at its place among the known ones.
-
-    Raises:
-        UnknownNameError: for a name that is not known.
-    """
-    place = {name: i for i, name in enumerate(known)}
-    names = list(names)
-    for name in names:
-        if name not in place:
-            raise UnknownNameError(kind, name, known)
-    return np.eye(len(known))[[place[name] for name in names]]
 
 
 def validation_part(

@@ -16,12 +16,13 @@ from graspcast.bop.models import Models
 from graspcast.consensus import FeatureSet
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.estimates.instances import scene_groups, unit_names
-from graspcast.learning.blend import Blend, ForestSettings
+from graspcast.forecasting.models.add_threshold import Thresholds
+from graspcast.forecasting.models.base import NetworkEnsemble, NetworkSettings
+from graspcast.forecasting.models.blend import Blend, ForestSettings
 from graspcast.learning.card import Card, digest_of
 from graspcast.learning.familiarity import Familiarity
 from graspcast.learning.forecaster import KINDS, Forecaster, features_of
 from graspcast.learning.lessons import Lessons, as_lessons
-from graspcast.learning.predictors import NetworkEnsemble, NetworkSettings, Thresholds
 from graspcast.learning.samples import Samples, by_object, by_scene
 from graspcast.learning.scores import Scores, score
 

@@ -19,12 +19,12 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.instances import unit_names
-from graspcast.learning.apart import Apart
-from graspcast.learning.forests import Forest, flatten
-from graspcast.learning.lesson_table import LessonTable
+from graspcast.forecasting.models.design_matrix import LessonTable
+from graspcast.forecasting.models.encoding import one_hot_numbers
+from graspcast.forecasting.models.forest import Forest, flatten
+from graspcast.forecasting.models.out_of_fold import Apart
+from graspcast.forecasting.models.two_stage import ErrorModel, Survival, expected_survival
 from graspcast.learning.lessons import Lessons
-from graspcast.learning.predictors import one_hot_numbers
-from graspcast.learning.two_stage import ErrorModel, Survival, expected_survival
 
 __all__ = ["Blend", "ForestSettings"]
 

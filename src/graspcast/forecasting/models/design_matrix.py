@@ -13,8 +13,8 @@ from graspcast.bop.models import Models
 from graspcast.consensus import consensus_features
 from graspcast.estimates.instances import scene_groups
 from graspcast.estimates.matching import nearest_truth
+from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.learning.lessons import Lessons
-from graspcast.learning.predictors import UNSEEN
 from graspcast.pose.ray_frame import relative
 from graspcast.pose.transforms import compose, invert
 

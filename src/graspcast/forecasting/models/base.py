@@ -7,31 +7,16 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from graspcast.errors import InputError, MismatchError
-from graspcast.learning.baseline import fit_threshold
+from graspcast.forecasting.models.encoding import UNSEEN, one_hot_numbers
 from graspcast.learning.mlp import Mlp
 from graspcast.learning.mlp_training import MlpSettings, Problem, Watch, train
 from graspcast.learning.networks import validation_part
 
-__all__ = [
-    "UNSEEN",
-    "NetworkEnsemble",
-    "NetworkSettings",
-    "Predictor",
-    "Thresholds",
-    "one_hot_numbers",
-]
-
-UNSEEN = -1
-"""The number of an object that was not trained on."""
-
-
-def one_hot_numbers(numbers: Int[ndarray, "n"], count: int) -> Float[ndarray, "n count"]:
-    """A one for the object of each row; for an unseen one, which is none of them, zeros."""
-    return np.concatenate([np.eye(count), np.zeros((1, count))])[numbers]
+__all__ = ["NetworkEnsemble", "NetworkSettings", "Predictor"]
 
 
 @runtime_checkable
@@ -45,53 +30,6 @@ class Predictor(Protocol):
     def to_arrays(self) -> dict[str, ndarray]:
         """Everything it has learned, as named arrays."""
         ...
-
-
-@dataclass(frozen=True, eq=False)
-class Thresholds:
-    """One threshold an object on a single feature, the mean ADD in metres, and one for all.
-
-    The probability is the success rate of the training samples on the same side of the threshold,
-    with one success and one failure added to each side (Laplace).
-
-    Attributes:
-        threshold: Metres, (k + 1,); the last is learned on all objects alike, for unseen ones.
-        rate_below, rate_above: Success rates, (k + 1,).
-    """
-
-    threshold: Float[ndarray, "k"]
-    rate_below: Float[ndarray, "k"]
-    rate_above: Float[ndarray, "k"]
-
-    @classmethod
-    def fit(
-        cls, features: Float[ndarray, "n d"], success: Bool[ndarray, "n"], objects: ndarray
-    ) -> Thresholds:
-        """Learn the threshold of each object number from 0 to the largest, and of all."""
-        value = features[:, 0]
-        groups = [objects == k for k in range(int(objects.max()) + 1)]
-        groups.append(np.full(len(value), True))
-        rows = []
-        for mine in groups:
-            threshold = fit_threshold(value[mine], success[mine])
-            below = value < threshold
-            sides = (mine & below, mine & ~below)
-            rows.append([threshold, *((success[s].sum() + 1) / (s.sum() + 2) for s in sides)])
-        return cls(*np.array(rows, dtype=np.float64).T)
-
-    def probability(self, features: Float[ndarray, "n d"], objects: ndarray) -> Float[ndarray, "n"]:
-        """Probability of success of each row."""
-        below = features[:, 0] < self.threshold[objects]
-        return np.where(below, self.rate_below[objects], self.rate_above[objects])
-
-    def to_arrays(self) -> dict[str, ndarray]:
-        """Named arrays."""
-        return dict(self.__dict__)
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Thresholds:
-        """The inverse of :meth:`to_arrays`."""
-        return cls(*(arrays[name] for name in ("threshold", "rate_below", "rate_above")))
 
 
 @dataclass(frozen=True)

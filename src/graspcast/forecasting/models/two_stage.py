@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 from numba import njit, prange
 from numpy import ndarray
 
-from graspcast.learning.forests import Forest, flatten, walk
+from graspcast.forecasting.models.forest import Forest, flatten, walk
 from graspcast.pose.ray_frame import compressed
 from graspcast.pose.transforms import rotation_vector
 

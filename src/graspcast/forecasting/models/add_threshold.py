@@ -1,0 +1,114 @@
+"""The baseline: a threshold on the mean ADD between the principal and its supporters.
+
+Shi et al., *Fast Uncertainty Quantification for Deep Object Pose Estimation* (ICRA 2021), as
+Section V-B of the paper adapts it: one threshold for each (principal, object, gripper); below it,
+the grasp is predicted to succeed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from graspcast.errors import InputError
+from graspcast.forecasting.models.add_threshold import fit_threshold
+
+__all__ = [
+    "Thresholds",
+    "fit_threshold",
+    "fit_thresholds",
+    "predict_below",
+]
+
+
+def fit_threshold(disagreement: Float[ndarray, "n"], success: Bool[ndarray, "n"]) -> float:
+    """The threshold with the best accuracy on these samples.
+
+    Candidates are the values themselves but the smallest, and infinity; a sample is predicted to
+    succeed if it lies strictly below; of equally good candidates the smallest is taken. This is the
+    rule behind the published table, which other ways to break ties miss by up to half a point.
+
+    Raises:
+        InputError: if there are no samples.
+    """
+    if len(disagreement) == 0:
+        raise InputError("a threshold cannot be learned from no samples")
+    order = np.argsort(disagreement, kind="stable")
+    value, held = disagreement[order], success[order]
+    candidates = np.append(value[1:], np.inf)
+    below = np.searchsorted(value, candidates, side="left")
+    held_below = np.concatenate([[0], np.cumsum(held)])[below]
+    right = held_below + (len(held) - below) - (held.sum() - held_below)
+    return float(candidates[np.argmax(right)])
+
+
+def fit_thresholds(
+    disagreement: Float[ndarray, "n"], success: Bool[ndarray, "n"], objects: ndarray
+) -> dict[str, float]:
+    """One threshold for each object's name."""
+    return {
+        str(name): fit_threshold(disagreement[objects == name], success[objects == name])
+        for name in np.unique(objects)
+    }
+
+
+def predict_below(
+    disagreement: Float[ndarray, "n"], thresholds: dict[str, float], objects: ndarray
+) -> Bool[ndarray, "n"]:
+    """Whether each sample lies below its object's threshold.
+
+    Raises:
+        KeyError: for an object without a threshold.
+    """
+    return disagreement < np.array([thresholds[str(name)] for name in objects])
+
+
+@dataclass(frozen=True, eq=False)
+class Thresholds:
+    """One threshold an object on a single feature, the mean ADD in metres, and one for all.
+
+    The probability is the success rate of the training samples on the same side of the threshold,
+    with one success and one failure added to each side (Laplace).
+
+    Attributes:
+        threshold: Metres, (k + 1,); the last is learned on all objects alike, for unseen ones.
+        rate_below, rate_above: Success rates, (k + 1,).
+    """
+
+    threshold: Float[ndarray, "k"]
+    rate_below: Float[ndarray, "k"]
+    rate_above: Float[ndarray, "k"]
+
+    @classmethod
+    def fit(
+        cls, features: Float[ndarray, "n d"], success: Bool[ndarray, "n"], objects: ndarray
+    ) -> Thresholds:
+        """Learn the threshold of each object number from 0 to the largest, and of all."""
+        value = features[:, 0]
+        groups = [objects == k for k in range(int(objects.max()) + 1)]
+        groups.append(np.full(len(value), True))
+        rows = []
+        for mine in groups:
+            threshold = fit_threshold(value[mine], success[mine])
+            below = value < threshold
+            sides = (mine & below, mine & ~below)
+            rows.append([threshold, *((success[s].sum() + 1) / (s.sum() + 2) for s in sides)])
+        return cls(*np.array(rows, dtype=np.float64).T)
+
+    def probability(self, features: Float[ndarray, "n d"], objects: ndarray) -> Float[ndarray, "n"]:
+        """Probability of success of each row."""
+        below = features[:, 0] < self.threshold[objects]
+        return np.where(below, self.rate_below[objects], self.rate_above[objects])
+
+    def to_arrays(self) -> dict[str, ndarray]:
+        """Named arrays."""
+        return dict(self.__dict__)
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Thresholds:
+        """The inverse of :meth:`to_arrays`."""
+        return cls(*(arrays[name] for name in ("threshold", "rate_below", "rate_above")))
