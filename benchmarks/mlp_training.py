@@ -17,7 +17,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from graspcast.learning.mlp_training import MlpSettings, Problem, Watch, train
+from graspcast.forecasting.models.mlp.train import train
+from graspcast.forecasting.models.mlp.types import MlpSettings, Problem, Watch
 
 # Images of each object in which all three estimators have a pose (LM-O, then YCB-V).
 SAMPLES = [175, 193, 166, 200, 178, 142, 132, 198, 225, 375, 427, 150, 75, 216, 300]

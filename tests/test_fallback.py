@@ -11,9 +11,9 @@ import pytest
 import synthetic
 from graspcast.errors import InputError, MismatchError
 from graspcast.fallback import Fallbacks
-from graspcast.forecasting.models.base import NetworkSettings
+from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
+from graspcast.forecasting.models.mlp.types import MlpSettings
 from graspcast.learning.forecaster import Forecaster
-from graspcast.learning.mlp_training import MlpSettings
 from graspcast.learning.samples import Samples
 from graspcast.learning.training import train_forecaster
 

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from graspcast.estimates.instances import unit_names
     from graspcast.estimates.matching import match
     from graspcast.estimates.outcomes import read_outcomes
-    from graspcast.forecasting.models.base import NetworkSettings
     from graspcast.forecasting.models.blend import ForestSettings
+    from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
     from graspcast.grasping.campaign import run_campaign
     from graspcast.grasping.conformance import check_gripper
     from graspcast.grasping.grasps import read_grasps

@@ -17,12 +17,12 @@ from graspcast._version import __version__
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.instances import scene_groups
-from graspcast.forecasting.models.base import NetworkSettings
+from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
+from graspcast.forecasting.models.mlp.types import MlpSettings
 from graspcast.learning import training as module
 from graspcast.learning.card import Card
 from graspcast.learning.forecaster import KINDS, Forecaster
 from graspcast.learning.lessons import Lessons
-from graspcast.learning.mlp_training import MlpSettings
 from graspcast.learning.samples import Samples
 from graspcast.learning.scores import score
 from graspcast.learning.training import cross_validate, train_forecaster

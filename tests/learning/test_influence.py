@@ -116,9 +116,9 @@ def test_what_is_typical_moves_nothing() -> None:
 def test_explanations_of_real_forecasters_are_differences_of_their_forecasts(
     method: str, which: FeatureSet, models: dict[str, Models]
 ) -> None:
-    from graspcast.forecasting.models.base import NetworkSettings
+    from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
+    from graspcast.forecasting.models.mlp.types import MlpSettings
     from graspcast.learning.forecaster import features_of
-    from graspcast.learning.mlp_training import MlpSettings
 
     forecaster = train_forecaster(
         synthetic.lessons(120),

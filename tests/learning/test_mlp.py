@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from graspcast.errors import InputError, MismatchError
-from graspcast.learning.mlp import Mlp, probability
-from graspcast.learning.mlp_run import lay_out, pack, unpack
+from graspcast.forecasting.models.mlp.network import Mlp, probability
+from graspcast.forecasting.models.mlp.packing import lay_out, pack, unpack
 
 
 @given(widths=st.lists(st.integers(1, 21), min_size=1, max_size=5), seed=st.integers(0, 2**40))

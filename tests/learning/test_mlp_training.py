@@ -17,10 +17,11 @@ import pytest
 
 import graspcast.learning
 from graspcast.errors import InputError, MismatchError
-from graspcast.learning.mlp import Mlp
-from graspcast.learning.mlp_kernel import batch_gradient
-from graspcast.learning.mlp_run import network_of, pack, training_on
-from graspcast.learning.mlp_training import Checkpoint, MlpSettings, Problem, Trained, Watch, train
+from graspcast.forecasting.models.mlp.kernel import batch_gradient
+from graspcast.forecasting.models.mlp.network import Mlp
+from graspcast.forecasting.models.mlp.packing import network_of, pack, training_on
+from graspcast.forecasting.models.mlp.train import train
+from graspcast.forecasting.models.mlp.types import Checkpoint, MlpSettings, Problem, Trained, Watch
 
 SHORT = MlpSettings(epochs=12)
 
@@ -300,7 +301,7 @@ SOURCE = Path(graspcast.learning.__file__).parents[2]
 
 
 def test_importing_does_not_import_the_compiler() -> None:
-    program = "import sys, graspcast.learning.mlp_training; print('numba' in sys.modules)"
+    program = "import sys, graspcast.forecasting.models.mlp.train; print('numba' in sys.modules)"
     assert in_another_process(program, SOURCE).strip() == "False"
 
 
@@ -311,7 +312,7 @@ def test_training_works_where_nothing_can_be_cached(tmp_path: Path) -> None:
     (tmp_path / "src/graspcast/learning/__pycache__").touch()
     program = (
         "import numpy as np\n"
-        "from graspcast.learning.mlp_training import *\n"
+        "from graspcast.forecasting.models.mlp.train import *\n"
         "x = np.linspace(-1, 1, 30)[:, None]\n"
         "print(train([Problem(x, x[:, 0] > 0)], MlpSettings(epochs=2))[0].last.epoch)\n"
     )

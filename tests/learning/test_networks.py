@@ -12,7 +12,8 @@ from numpy.testing import assert_array_equal
 
 from graspcast.errors import UnknownNameError
 from graspcast.forecasting.models.encoding import one_hot
-from graspcast.learning.mlp_training import MlpSettings, Problem, Watch, train
+from graspcast.forecasting.models.mlp.train import train
+from graspcast.forecasting.models.mlp.types import MlpSettings, Problem, Watch
 from graspcast.learning.networks import CONFIGURATIONS, Cell, CellKey, run, validation_part
 
 SHORT = MlpSettings(epochs=20, hidden=(8, 4), rate=1e-2)

@@ -12,8 +12,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from graspcast.errors import InputError
 from graspcast.forecasting.models.add_threshold import Thresholds, fit_threshold
-from graspcast.forecasting.models.base import NetworkEnsemble, NetworkSettings
-from graspcast.learning.mlp_training import MlpSettings
+from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble, NetworkSettings
+from graspcast.forecasting.models.mlp.types import MlpSettings
 
 SHORT = NetworkSettings(members=2, optimiser=MlpSettings(epochs=30, hidden=(8, 4), rate=1e-2))
 

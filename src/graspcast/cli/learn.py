@@ -120,9 +120,9 @@ def _add_train(verbs: Verbs) -> None:
 def _train(options: argparse.Namespace) -> None:
     from dataclasses import replace
 
-    from graspcast.forecasting.models.base import NetworkSettings
     from graspcast.forecasting.models.blend import ForestSettings
-    from graspcast.learning.mlp_training import MlpSettings
+    from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
+    from graspcast.forecasting.models.mlp.types import MlpSettings
     from graspcast.learning.training import cross_validate, train_forecaster
 
     inputs = inputs_of(options)

@@ -19,9 +19,10 @@ from graspcast.consensus import Features, FeatureSet, consensus_features, mean_a
 from graspcast.errors import FormatError, InputError, MismatchError
 from graspcast.estimates.alignment import Estimates
 from graspcast.forecasting.models.add_threshold import Thresholds
-from graspcast.forecasting.models.base import NetworkEnsemble, Predictor
+from graspcast.forecasting.models.base import Predictor
 from graspcast.forecasting.models.blend import Blend
 from graspcast.forecasting.models.encoding import UNSEEN
+from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble
 from graspcast.io.files import atomic_write
 from graspcast.learning.card import Card
 from graspcast.learning.familiarity import Familiarity

@@ -16,9 +16,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.consensus import consensus_features
-from graspcast.forecasting.models.base import NetworkSettings
 from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.models.encoding import one_hot
+from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.learning.lessons import Lessons
 from graspcast.learning.protocols import Method, Task
 from graspcast.learning.training import train_forecaster
@@ -78,7 +78,7 @@ class PaperNetworks:
 
     def __call__(self, task: Task) -> Float[ndarray, " n"]:
         """Answer a task."""
-        from graspcast.learning.mlp_training import MlpSettings
+        from graspcast.forecasting.models.mlp.types import MlpSettings
 
         out = success_rates(task)
         known = np.isin(task.test.objects, task.train.objects)

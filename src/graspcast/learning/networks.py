@@ -22,7 +22,8 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.forecasting.models.encoding import one_hot
-from graspcast.learning.mlp_training import Checkpoint, MlpSettings, Problem, Trained, Watch, train
+from graspcast.forecasting.models.mlp.train import train
+from graspcast.forecasting.models.mlp.types import Checkpoint, MlpSettings, Problem, Trained, Watch
 
 __all__ = [
     "CONFIGURATIONS",

@@ -17,8 +17,8 @@ from graspcast.consensus import FeatureSet
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.estimates.instances import scene_groups, unit_names
 from graspcast.forecasting.models.add_threshold import Thresholds
-from graspcast.forecasting.models.base import NetworkEnsemble, NetworkSettings
 from graspcast.forecasting.models.blend import Blend, ForestSettings
+from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble, NetworkSettings
 from graspcast.learning.card import Card, digest_of
 from graspcast.learning.familiarity import Familiarity
 from graspcast.learning.forecaster import KINDS, Forecaster, features_of

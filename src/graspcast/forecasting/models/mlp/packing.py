@@ -9,9 +9,7 @@ from jaxtyping import Float, Float32, Int64
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.learning.lanes import LANES, QUAD
-from graspcast.learning.mlp import Mlp, probability
-from graspcast.learning.mlp_kernel import (
+from graspcast.forecasting.models.mlp.kernel import (
     HeldOut,
     Kept,
     Network,
@@ -20,7 +18,15 @@ from graspcast.learning.mlp_kernel import (
     evaluate,
     run_epochs,
 )
-from graspcast.learning.mlp_training import Checkpoint, MlpSettings, Problem, Trained, Watched
+from graspcast.forecasting.models.mlp.network import Mlp, probability
+from graspcast.forecasting.models.mlp.simd import LANES, QUAD
+from graspcast.forecasting.models.mlp.types import (
+    Checkpoint,
+    MlpSettings,
+    Problem,
+    Trained,
+    Watched,
+)
 
 __all__ = ["Run", "lay_out", "network_of", "pack", "training_on", "unpack"]
 

@@ -1,6 +1,6 @@
 """The compiled program that trains one small multilayer perceptron.
 
-One variable holds one unit's value for sixteen samples (:mod:`graspcast.learning.lanes`), every
+One variable holds one unit's value for sixteen samples (:mod:`graspcast.forecasting.models.mlp.simd`), every
 layer is a loop over such variables, no array is allocated, and no layer's size is a constant of
 the compilation: one compilation serves every architecture and every number of inputs.
 
@@ -28,8 +28,8 @@ from jaxtyping import Bool, Float32, Float64, Int32, Int64, UInt64
 from numba import njit
 from numpy import ndarray
 
-from graspcast.learning import lanes
-from graspcast.learning.lanes import (
+from graspcast.forecasting.models.mlp import simd
+from graspcast.forecasting.models.mlp.simd import (
     LANES,
     QUAD,
     add_sums,
@@ -61,7 +61,7 @@ def _compiled(function: Callable[..., None]) -> Callable[..., None]:
     options: dict[str, Any] = {
         "nogil": True,
         "_nrt": False,
-        "fastmath": set(lanes.FAST),
+        "fastmath": set(simd.FAST),
         "error_model": "numpy",
     }
     # A checker of types at run time wraps functions, but cannot be compiled.

@@ -2,7 +2,7 @@
 
 Section III-C: inputs → 16 → 8 → 4 → 4 → 1, ReLU between the layers and a sigmoid at the end. The
 inputs go in as they are, without standardisation. It is trained by
-:mod:`graspcast.learning.mlp_training`.
+:mod:`graspcast.forecasting.models.mlp.train`.
 """
 
 from __future__ import annotations
