@@ -15,7 +15,6 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.forecasting.models.add_threshold import fit_threshold
 
 __all__ = [
     "Thresholds",

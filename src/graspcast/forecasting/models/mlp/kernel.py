@@ -68,7 +68,7 @@ def _compiled(function: Callable[..., None]) -> Callable[..., None]:
     function = inspect.unwrap(function)
     try:
         # numba's cache notices a change of this file, but not of the one with the lanes.
-        function.__qualname__ += f"_{zlib.crc32(inspect.getsource(lanes).encode()):08x}"
+        function.__qualname__ += f"_{zlib.crc32(inspect.getsource(simd).encode()):08x}"
         compiled: Callable[..., None] = njit(cache=True, **options)(function)
     except (OSError, RuntimeError):  # no source to compare with, or no directory to write to
         compiled = njit(**options)(function)
