@@ -30,8 +30,8 @@ from graspcast.bop.models import Models
 from graspcast.bop.results import Results, read_results, write_results
 from graspcast.estimates.alignment import align
 from graspcast.forecasting.models.mlp.types import MlpSettings
+from graspcast.forecasting.verdict import verdict_rows, write_verdicts
 from graspcast.pose.transforms import rotation_from_quaternion, transform
-from graspcast.verdict import verdict_rows, write_verdicts
 
 N = 10_000
 NAMES = ("first", "second", "third")

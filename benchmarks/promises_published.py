@@ -19,11 +19,11 @@ import numpy as np
 
 from graspcast.cli.options import write_json
 from graspcast.estimates.outcomes import read_all_outcomes
+from graspcast.forecasting.training_data import ErrorOutcomes
 from graspcast.guarantees.certify import certify
 from graspcast.learning.benchmark import Benchmark
 from graspcast.learning.forecast_run import forecast_all
 from graspcast.learning.forecasts import Forecasts
-from graspcast.learning.lessons import ErrorOutcomes
 from graspcast.learning.methods import METHODS
 from graspcast.published import Published
 

@@ -17,8 +17,8 @@ from graspcast.bop.results import Results, write_results
 from graspcast.bop.units import millimetres
 from graspcast.cli import main
 from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
+from graspcast.forecasting.forecaster import Forecaster
 from graspcast.guarantees.certificate import Promises
-from graspcast.learning.forecaster import Forecaster
 from poses import results_of, write_models
 
 N, SCENES, STRANGE = 120, 6, 7

@@ -13,9 +13,9 @@ import pytest
 from commands import refused
 from graspcast.bop.results import write_results
 from graspcast.cli import main
+from graspcast.forecasting.forecaster import Forecaster
 from graspcast.guarantees.certificate import Promises
 from graspcast.guarantees.drift_monitor import DriftMonitor
-from graspcast.learning.forecaster import Forecaster
 from poses import nudged, random_poses, results_of, write_models
 
 N = 240

@@ -27,9 +27,9 @@ from graspcast import (
 from graspcast.bop.results import write_results
 from graspcast.cli import main
 from graspcast.errors import InputError, MismatchError
-from graspcast.learning import training
+from graspcast.forecasting import train
+from graspcast.forecasting.train import cross_validate, cross_validated
 from graspcast.learning.contrast import FORECAST, STANDING
-from graspcast.learning.training import cross_validate, cross_validated
 from poses import nudged, random_poses, results_of, write_models
 
 FORESTS = ForestSettings(trees=16, draws=16, folds=0)
@@ -235,7 +235,7 @@ def test_blocks_of_frames_are_cut_as_in_training(
 
         return SimpleNamespace(card=forecaster.card, probability=probability)
 
-    training_of = training.train_forecaster
+    training_of = train.train_forecaster
     monkeypatch.setattr(training, "train_forecaster", spy)
     given = tried.lessons("a")
     probability = cross_validated(given, folds=3, method="threshold", models=models)

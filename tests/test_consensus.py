@@ -14,7 +14,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.models import Models
 from graspcast.bop.results import read_results
-from graspcast.consensus import (
+from graspcast.errors import MismatchError, UnknownNameError
+from graspcast.estimates.alignment import Estimates, align
+from graspcast.forecasting.features import (
     FEATURE_SETS,
     Features,
     FeatureSet,
@@ -22,8 +24,6 @@ from graspcast.consensus import (
     describe,
     mean_add,
 )
-from graspcast.errors import MismatchError, UnknownNameError
-from graspcast.estimates.alignment import Estimates, align
 from poses import nudged, random_poses, results_of, write_models
 
 HALF_TURN = [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]

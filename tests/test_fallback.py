@@ -10,12 +10,12 @@ import pytest
 
 import synthetic
 from graspcast.errors import InputError, MismatchError
-from graspcast.fallback import Fallbacks
+from graspcast.forecasting.fallbacks import Fallbacks
+from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
-from graspcast.learning.forecaster import Forecaster
-from graspcast.learning.samples import Samples
-from graspcast.learning.training import train_forecaster
+from graspcast.forecasting.samples import Samples
+from graspcast.forecasting.train import train_forecaster
 
 NAMES = ("a", "b", "c", "e")
 

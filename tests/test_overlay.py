@@ -19,11 +19,11 @@ from graspcast.bop.meshes import Mesh
 from graspcast.bop.results import Results, read_results, write_results
 from graspcast.cli import main
 from graspcast.errors import FormatError, InputError
+from graspcast.forecasting.verdict import VerdictRow, decide, read_verdicts, write_verdicts
 from graspcast.overlay import draw_overlay
 from graspcast.overlay_sheet import overlay_sheet, overlays
 from graspcast.pose.transforms import rotation_from_vector, transform, transform_points
 from graspcast.sheet import BAD, GOOD
-from graspcast.verdict import VerdictRow, decide, read_verdicts, write_verdicts
 from poses import nudged
 
 SIDE = 128

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from graspcast.errors import InputError
-from graspcast.verdict import (
+from graspcast.forecasting.verdict import (
     Verdict,
     VerdictRow,
     check_threshold,

@@ -20,6 +20,8 @@ from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.instances import scene_groups
 from graspcast.forecasting.models.blend import ForestSettings
+from graspcast.forecasting.train import cross_validated
+from graspcast.forecasting.training_data import Lessons
 from graspcast.learning.contrast import (
     DECISIVE,
     FORECAST,
@@ -31,9 +33,7 @@ from graspcast.learning.contrast import (
     under_scenes,
 )
 from graspcast.learning.forecasts import Forecasts
-from graspcast.learning.lessons import Lessons
 from graspcast.learning.resampling import Interval
-from graspcast.learning.training import cross_validated
 
 __all__ = ["Comparison", "Judged", "compare"]
 

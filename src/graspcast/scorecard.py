@@ -10,8 +10,8 @@ import numpy as np
 import polars as pl
 
 from graspcast.errors import InputError, UnknownNameError
+from graspcast.forecasting.verdict import VerdictRow
 from graspcast.learning.resampling import Interval, every_scene_and_draws
-from graspcast.verdict import VerdictRow
 
 __all__ = ["Scorecard", "score_verdicts", "verdict_table", "with_outcomes"]
 
@@ -90,7 +90,7 @@ def score_verdicts(
     (:mod:`graspcast.learning.resampling`), since grasps of one scene are not independent.
 
     Args:
-        verdicts: In the order of :func:`graspcast.verdict.verdict_rows`.
+        verdicts: In the order of :func:`graspcast.forecasting.verdict.verdict_rows`.
         outcomes: As :func:`graspcast.estimates.outcomes.read_outcomes` gives them.
         principal: Whose outcomes; may be left out where they are of one estimator.
         dataset: Which dataset's; may be left out where they are of one.

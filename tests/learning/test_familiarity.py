@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import synthetic
 from graspcast.estimates.alignment import Estimates
-from graspcast.learning.familiarity import Familiarity, disagreement
+from graspcast.forecasting.novelty import Familiarity, disagreement
 
 TRAINING, HELD_OUT = 300, 400
 SUPPORTERS = ("b", "c")

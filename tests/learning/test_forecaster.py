@@ -17,15 +17,15 @@ from graspcast._version import __version__
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.instances import scene_groups
+from graspcast.forecasting import train as module
+from graspcast.forecasting.forecaster import KINDS, Forecaster
+from graspcast.forecasting.model_card import Card
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
-from graspcast.learning import training as module
-from graspcast.learning.card import Card
-from graspcast.learning.forecaster import KINDS, Forecaster
-from graspcast.learning.lessons import Lessons
-from graspcast.learning.samples import Samples
+from graspcast.forecasting.samples import Samples
+from graspcast.forecasting.train import cross_validate, train_forecaster
+from graspcast.forecasting.training_data import Lessons
 from graspcast.learning.scores import score
-from graspcast.learning.training import cross_validate, train_forecaster
 from graspcast.published import Published
 from poses import write_models
 
@@ -311,7 +311,7 @@ def test_each_object_is_scored_by_a_forecaster_that_has_not_seen_it(
         seen.append(forecaster.card.objects)
         return forecaster
 
-    monkeypatch.setattr("graspcast.learning.training.train_forecaster", spy)
+    monkeypatch.setattr("graspcast.forecasting.train.train_forecaster", spy)
     options: dict[str, Any] = {"method": method, "models": models, "settings": SHORT}
     found = cross_validate(given, by="object", **options)
     assert seen == [("d-2",), ("d-1",)]

@@ -16,10 +16,10 @@ from numpy.testing import assert_allclose
 
 import synthetic
 from graspcast.bop.models import Models
-from graspcast.consensus import Features, FeatureSet, consensus_features
+from graspcast.forecasting.attribution import groups_of, influences
+from graspcast.forecasting.features import Features, FeatureSet, consensus_features
 from graspcast.forecasting.models.blend import ForestSettings
-from graspcast.learning.influence import groups_of, influences
-from graspcast.learning.training import train_forecaster
+from graspcast.forecasting.train import train_forecaster
 from poses import write_models
 
 ALONE = ("view_", "axis_")
@@ -116,9 +116,9 @@ def test_what_is_typical_moves_nothing() -> None:
 def test_explanations_of_real_forecasters_are_differences_of_their_forecasts(
     method: str, which: FeatureSet, models: dict[str, Models]
 ) -> None:
+    from graspcast.forecasting.features import features_of
     from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
     from graspcast.forecasting.models.mlp.types import MlpSettings
-    from graspcast.learning.forecaster import features_of
 
     forecaster = train_forecaster(
         synthetic.lessons(120),

@@ -14,7 +14,7 @@ import synthetic
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
-from graspcast.learning.lessons import ErrorOutcomes, as_lessons, lessons
+from graspcast.forecasting.training_data import ErrorOutcomes, as_lessons, lessons
 
 NAMES = ("a", "b", "c")
 

@@ -14,9 +14,9 @@ from numpy.testing import assert_array_equal
 import synthetic
 from graspcast.bop.models import Models
 from graspcast.errors import FormatError
+from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.blend import ForestSettings
-from graspcast.learning.forecaster import Forecaster
-from graspcast.learning.training import train_forecaster
+from graspcast.forecasting.train import train_forecaster
 from poses import write_models
 
 

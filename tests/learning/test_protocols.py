@@ -13,6 +13,7 @@ import synthetic
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
+from graspcast.forecasting.samples import Samples
 from graspcast.learning.benchmark import Benchmark, _true_poses
 from graspcast.learning.methods import (
     METHODS,
@@ -25,7 +26,6 @@ from graspcast.learning.methods import (
     TwoStage,
 )
 from graspcast.learning.protocols import PROTOCOLS, Method, Task, forecast, tasks
-from graspcast.learning.samples import Samples
 from graspcast.learning.scores import score
 from graspcast.published import ESTIMATORS, GRIPPERS, Published
 from poses import write_models

@@ -17,14 +17,8 @@ import synthetic
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import scene_groups
-from graspcast.learning.samples import (
-    Samples,
-    by_object,
-    by_scene,
-    join,
-    published_part,
-    read_split,
-)
+from graspcast.forecasting.samples import Samples, join, published_part, read_split
+from graspcast.forecasting.splits import by_object, by_scene
 from graspcast.published import ESTIMATORS, GRIPPERS, Published
 
 

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from graspcast.comparison import Comparison, Judged
     from graspcast.estimates.loading import Inputs
+    from graspcast.forecasting.training_data import Lessons
     from graspcast.learning.contrast import Contrast
-    from graspcast.learning.lessons import Lessons
 
 __all__ = ["add_verbs"]
 
@@ -99,7 +99,7 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> list[Lessons]:
     """Those of each estimator that has outcomes with the gripper."""
     from graspcast.errors import MismatchError, UnknownNameError
     from graspcast.estimates.loading import load_outcomes
-    from graspcast.learning.lessons import lessons
+    from graspcast.forecasting.training_data import lessons
 
     # Before outcomes are read: a consensus takes two, whatever they say.
     names = inputs.estimates().estimators

@@ -118,9 +118,9 @@ def _evaluate(options: argparse.Namespace) -> None:
     from dataclasses import asdict
 
     from graspcast.estimates.outcomes import read_all_outcomes
+    from graspcast.forecasting.training_data import ErrorOutcomes
     from graspcast.learning.benchmark import Benchmark
     from graspcast.learning.forecast_run import forecast_all
-    from graspcast.learning.lessons import ErrorOutcomes
     from graspcast.learning.methods import METHODS
     from graspcast.learning.protocols import PROTOCOLS
     from graspcast.learning.value import Costs

@@ -21,7 +21,7 @@ from graspcast.cli.options import (
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
-    from graspcast.learning.lessons import Lessons
+    from graspcast.forecasting.training_data import Lessons
 
 __all__ = ["add_verbs"]
 
@@ -123,7 +123,7 @@ def _train(options: argparse.Namespace) -> None:
     from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
     from graspcast.forecasting.models.mlp.types import MlpSettings
-    from graspcast.learning.training import cross_validate, train_forecaster
+    from graspcast.forecasting.train import cross_validate, train_forecaster
 
     inputs = inputs_of(options)
     learned = _lessons(options, inputs)
@@ -182,8 +182,8 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> Lessons:
     from graspcast.errors import InputError
     from graspcast.estimates.loading import load_outcomes
     from graspcast.estimates.matching import true_poses
-    from graspcast.learning.lessons import ErrorOutcomes, lessons
-    from graspcast.learning.samples import join
+    from graspcast.forecasting.samples import join
+    from graspcast.forecasting.training_data import ErrorOutcomes, lessons
 
     estimates = inputs.estimates(options.principal)
     outcomes = None

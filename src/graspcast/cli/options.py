@@ -174,7 +174,7 @@ def scene_and_image(text: str) -> tuple[int, int]:
 
 def add_strange(verb: argparse.ArgumentParser, what: str) -> None:
     """``--strange P``; a promise holds only for verdicts with the same."""
-    # graspcast.verdict.STRANGE, to name which would load NumPy for every --help.
+    # graspcast.forecasting.verdict.STRANGE, to name which would load NumPy for every --help.
     verb.add_argument("--strange", metavar="P", type=share, default=0.01, help=what)
 
 

@@ -57,9 +57,9 @@ def add_verbs(verbs: Verbs) -> None:
 
 
 def _overlay(options: argparse.Namespace) -> None:
+    from graspcast.forecasting.verdict import read_verdicts
     from graspcast.overlay_sheet import overlay_sheet, overlays
     from graspcast.sheet import save_png
-    from graspcast.verdict import read_verdicts
 
     if options.out.suffix.lower() != ".png":
         raise InputError(f"{options.out}: a sheet of overlays is drawn to .png")

@@ -22,8 +22,8 @@ from graspcast.errors import MismatchError
 if TYPE_CHECKING:
     from graspcast.bop.models import Models
     from graspcast.estimates.alignment import Estimates
-    from graspcast.learning.forecaster import Forecaster
-    from graspcast.verdict import VerdictRow
+    from graspcast.forecasting.forecaster import Forecaster
+    from graspcast.forecasting.verdict import VerdictRow
 
 __all__ = ["add_verbs"]
 
@@ -74,9 +74,9 @@ def add_verbs(verbs: Verbs) -> None:
 
 
 def _predict(options: argparse.Namespace) -> None:
-    from graspcast.fallback import Fallbacks
-    from graspcast.learning.forecaster import Forecaster
-    from graspcast.verdict import write_verdicts
+    from graspcast.forecasting.fallbacks import Fallbacks
+    from graspcast.forecasting.forecaster import Forecaster
+    from graspcast.forecasting.verdict import write_verdicts
 
     models = Fallbacks(Forecaster.load(path) for path in options.model)
     terms = _Terms(options)
@@ -168,7 +168,7 @@ def _verdicts(
     """The verdict of one model on every instance, by scene, image, object and instance."""
     from dataclasses import replace
 
-    from graspcast.verdict import verdict_rows
+    from graspcast.forecasting.verdict import verdict_rows
 
     threshold, promise = terms
     verdicts = forecaster.verdicts(

@@ -22,8 +22,8 @@ from graspcast.cli.options import (
 from graspcast.errors import InputError, MismatchError
 
 if TYPE_CHECKING:
+    from graspcast.forecasting.model_card import Card
     from graspcast.guarantees.certificate import Promise, Promises
-    from graspcast.learning.card import Card
 
 __all__ = ["add_verbs"]
 
@@ -153,10 +153,10 @@ def _certify(options: argparse.Namespace) -> None:
     from graspcast._version import __version__
     from graspcast.estimates.instances import unit_names
     from graspcast.estimates.loading import load_outcomes
+    from graspcast.forecasting.forecaster import Forecaster
+    from graspcast.forecasting.samples import join
     from graspcast.guarantees.certify import certify
     from graspcast.guarantees.threshold_sequence import explore, learn_sequence
-    from graspcast.learning.forecaster import Forecaster
-    from graspcast.learning.samples import join
 
     forecaster = Forecaster.load(options.model)
     card = forecaster.card

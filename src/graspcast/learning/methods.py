@@ -15,13 +15,13 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.consensus import consensus_features
+from graspcast.forecasting.features import consensus_features
 from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.models.encoding import one_hot
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
-from graspcast.learning.lessons import Lessons
+from graspcast.forecasting.train import train_forecaster
+from graspcast.forecasting.training_data import Lessons
 from graspcast.learning.protocols import Method, Task
-from graspcast.learning.training import train_forecaster
 
 __all__ = ["METHODS", "ExtraTrees", "Majority", "PaperNetworks", "Threshold", "success_rates"]
 

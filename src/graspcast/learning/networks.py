@@ -24,6 +24,7 @@ from numpy import ndarray
 from graspcast.forecasting.models.encoding import one_hot
 from graspcast.forecasting.models.mlp.train import train
 from graspcast.forecasting.models.mlp.types import Checkpoint, MlpSettings, Problem, Trained, Watch
+from graspcast.forecasting.splits import validation_part
 
 __all__ = [
     "CONFIGURATIONS",
@@ -33,12 +34,10 @@ __all__ = [
     "PROTOCOLS",
     "Protocol",
     "run",
-    "validation_part",
 ]
 
 Protocol = Literal["paper", "last", "validated"]
 PROTOCOLS: tuple[Protocol, ...] = ("paper", "last", "validated")
-VALIDATION_SHARE = 0.2
 
 CellKey = tuple[str, str, str]
 """Principal, object, gripper."""
@@ -86,18 +85,6 @@ class Cell:
     features: Float[ndarray, "n d"]
     success: Bool[ndarray, "n"]
     is_train: Bool[ndarray, "n"]
-
-
-def validation_part(
-    strata: ndarray, seed: int, *, share: float = VALIDATION_SHARE
-) -> Bool[ndarray, "n"]:
-    """A random part of the samples for validation, the same share of each stratum, (n,) mask."""
-    out = np.zeros(len(strata), dtype=bool)
-    rng = np.random.default_rng(seed)
-    for value in np.unique(strata):
-        mine = rng.permutation(np.flatnonzero(strata == value))
-        out[mine[: round(share * len(mine))]] = True
-    return out
 
 
 def run(

@@ -13,8 +13,8 @@ import polars as pl
 
 from graspcast.bop.release import read_add_differences
 from graspcast.bop.results import read_results
-from graspcast.consensus import consensus_features, mean_add
 from graspcast.estimates.error_tables import measure
+from graspcast.forecasting.features import consensus_features, mean_add
 from graspcast.forecasting.models.add_threshold import fit_thresholds, predict_below
 from graspcast.learning.networks import CONFIGURATIONS, Cell, CellKey, run
 from graspcast.published import DATASETS, ESTIMATORS, GRIPPERS, OBJECTS, Published

@@ -24,7 +24,7 @@ from graspcast.forecasting.models.encoding import one_hot_numbers
 from graspcast.forecasting.models.forest import Forest, flatten
 from graspcast.forecasting.models.out_of_fold import Apart
 from graspcast.forecasting.models.two_stage import ErrorModel, Survival, expected_survival
-from graspcast.learning.lessons import Lessons
+from graspcast.forecasting.training_data import Lessons
 
 __all__ = ["Blend", "ForestSettings"]
 

@@ -10,11 +10,11 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.bop.models import Models
-from graspcast.consensus import consensus_features
 from graspcast.estimates.instances import scene_groups
 from graspcast.estimates.matching import nearest_truth
+from graspcast.forecasting.features import consensus_features
 from graspcast.forecasting.models.encoding import UNSEEN
-from graspcast.learning.lessons import Lessons
+from graspcast.forecasting.training_data import Lessons
 from graspcast.pose.ray_frame import relative
 from graspcast.pose.transforms import compose, invert
 

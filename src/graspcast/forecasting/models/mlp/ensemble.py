@@ -14,7 +14,7 @@ from graspcast.forecasting.models.encoding import UNSEEN, one_hot_numbers
 from graspcast.forecasting.models.mlp.network import Mlp
 from graspcast.forecasting.models.mlp.train import train
 from graspcast.forecasting.models.mlp.types import MlpSettings, Problem, Watch
-from graspcast.learning.networks import validation_part
+from graspcast.forecasting.splits import validation_part
 
 __all__ = ["NetworkEnsemble", "NetworkSettings"]
 

@@ -15,8 +15,8 @@ from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
-from graspcast.learning.forecaster import Forecaster
-from graspcast.verdict import Verdict
+from graspcast.forecasting.forecaster import Forecaster
+from graspcast.forecasting.verdict import Verdict
 
 __all__ = ["Fallbacks"]
 

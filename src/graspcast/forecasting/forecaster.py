@@ -15,21 +15,24 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.bop.models import Models
-from graspcast.consensus import Features, FeatureSet, consensus_features, mean_add
 from graspcast.errors import FormatError, InputError, MismatchError
 from graspcast.estimates.alignment import Estimates
+from graspcast.forecasting.attribution import influences
+from graspcast.forecasting.features import (
+    Features,
+    features_of,
+)
+from graspcast.forecasting.model_card import Card
 from graspcast.forecasting.models.add_threshold import Thresholds
 from graspcast.forecasting.models.base import Predictor
 from graspcast.forecasting.models.blend import Blend
 from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble
+from graspcast.forecasting.novelty import Familiarity
+from graspcast.forecasting.verdict import STRANGE, Verdict, check_threshold, decide
 from graspcast.io.files import atomic_write
-from graspcast.learning.card import Card
-from graspcast.learning.familiarity import Familiarity
-from graspcast.learning.influence import influences
-from graspcast.verdict import STRANGE, Verdict, check_threshold, decide
 
-__all__ = ["KINDS", "Forecaster", "features_of"]
+__all__ = ["Forecaster", "KINDS"]
 
 KINDS: Mapping[str, Any] = {
     "blend": Blend,
@@ -86,7 +89,7 @@ class Forecaster:
         return self.predictor.probability(found.values, numbers)
 
     def p_value(self, estimates: Estimates) -> Float[ndarray, "n"]:
-        """How usual each instance's disagreement is (see :mod:`graspcast.learning.familiarity`).
+        """How usual each instance's disagreement is (see :mod:`graspcast.forecasting.novelty`).
 
         Small is strange: of instances from scenes like the training's, at most a share ``a`` has
         ``a`` or less.
@@ -274,13 +277,3 @@ def _below(prefix: str, arrays: Mapping[str, ndarray]) -> dict[str, ndarray]:
         for name, array in arrays.items()
         if name.startswith(f"{prefix}/")
     }
-
-
-def features_of(
-    estimates: Estimates, principal: str, which: str, models: Mapping[str, Models] | None
-) -> Features:
-    """The features that a card names: a set's name, or ``add`` for the mean ADD alone."""
-    if which == "add":
-        return Features(("add_mean",), mean_add(estimates, principal, models or {})[:, None])
-    named: FeatureSet = which  # type: ignore[assignment]
-    return consensus_features(estimates, principal, which=named, models=models)

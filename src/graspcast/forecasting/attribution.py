@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from graspcast.consensus import Features
+from graspcast.forecasting.features import Features
 from graspcast.forecasting.models.base import Predictor
 
 __all__ = ["groups_of", "influences"]

@@ -6,7 +6,6 @@ here keep scenes apart, and cut the only scene of a dataset into contiguous bloc
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -18,19 +17,14 @@ from numpy import ndarray
 
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
-from graspcast.estimates.instances import scene_groups
 
 __all__ = [
     "Samples",
-    "by_object",
-    "by_scene",
     "join",
     "outcomes_of",
     "published_part",
     "read_split",
 ]
-
-Fold = tuple[Int[ndarray, "train"], Int[ndarray, "test"]]
 
 
 @dataclass(frozen=True)
@@ -150,39 +144,3 @@ def published_part(samples: Samples, split: pl.DataFrame) -> ndarray:
     on = ["dataset", "scene_id", "im_id", "obj_id"]
     part = keys.join(mine.select(*on, "split"), on=on, how="left", maintain_order="left")["split"]
     return part.fill_null("").to_numpy().astype(str)
-
-
-def by_scene(
-    samples: Samples, *, folds: int = 5, seed: int = 0, groups: ndarray | None = None
-) -> Iterator[Fold]:
-    """Cross-validation in which no scene (or block of frames) is on both sides.
-
-    Args:
-        samples: What is dealt out.
-        folds: How many parts.
-        seed: Of the dealing.
-        groups: What is kept together, (n,), if not :func:`scene_groups` of the samples.
-
-    Raises:
-        MismatchError: if there are fewer scenes than folds.
-    """
-    from sklearn.model_selection import StratifiedGroupKFold
-
-    groups = scene_groups(samples.estimates) if groups is None else groups
-    if (count := len(np.unique(groups))) < folds:
-        raise MismatchError(f"{count} scenes cannot make {folds} folds; ask for fewer folds")
-    splitter = StratifiedGroupKFold(n_splits=folds, shuffle=True, random_state=seed)
-    # Objects too should be spread evenly, so they are part of what is stratified.
-    names = [f"{o}:{s}" for o, s in zip(samples.objects, samples.success, strict=True)]
-    _, strata, sizes = np.unique(names, return_inverse=True, return_counts=True)
-    # What is rarer than the folds cannot be spread over them, and scikit-learn would not have it.
-    rare = sizes[strata] < folds
-    strata[rare] = -1 if rare.sum() >= folds else np.argmax(sizes)
-    yield from splitter.split(np.zeros(len(samples)), strata, groups)
-
-
-def by_object(samples: Samples) -> Iterator[tuple[str, Fold]]:
-    """Each object left out in turn: its name, and (train, test)."""
-    objects = samples.objects
-    for name in np.unique(objects):
-        yield str(name), (np.flatnonzero(objects != name), np.flatnonzero(objects == name))

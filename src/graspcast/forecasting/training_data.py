@@ -14,7 +14,7 @@ from numpy import ndarray
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.outcomes import read_error_outcomes
-from graspcast.learning.samples import Samples, outcomes_of
+from graspcast.forecasting.samples import Samples, outcomes_of
 
 __all__ = ["ErrorOutcomes", "Lessons", "as_lessons", "lessons"]
 

@@ -29,11 +29,20 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
+from graspcast.forecasting.features import Features, FeatureSet, consensus_features, mean_add
 from graspcast.pose.metrics import add, nearest_symmetric
 from graspcast.pose.ray_frame import obj_R_ray, relative
 from graspcast.pose.transforms import compose, euler_zyx, invert, rotation_vector
 
-__all__ = ["FEATURE_SETS", "FeatureSet", "Features", "consensus_features", "describe", "mean_add"]
+__all__ = [
+    "FEATURE_SETS",
+    "FeatureSet",
+    "Features",
+    "consensus_features",
+    "describe",
+    "features_of",
+    "mean_add",
+]
 
 FeatureSet = Literal["paper", "rich", "full"]
 FEATURE_SETS: tuple[FeatureSet, ...] = ("paper", "rich", "full")
@@ -295,3 +304,13 @@ def consensus_features(
 def _stack(columns: Columns) -> Features:
     names, values = zip(*columns, strict=True)
     return Features(names=names, values=np.stack(values, axis=1))
+
+
+def features_of(
+    estimates: Estimates, principal: str, which: str, models: Mapping[str, Models] | None
+) -> Features:
+    """The features that a card names: a set's name, or ``add`` for the mean ADD alone."""
+    if which == "add":
+        return Features(("add_mean",), mean_add(estimates, principal, models or {})[:, None])
+    named: FeatureSet = which  # type: ignore[assignment]
+    return consensus_features(estimates, principal, which=named, models=models)

@@ -26,7 +26,7 @@ class Card:
         objects: ``dataset-number`` of the objects it knows.
         simulated: Those of them that it knows by simulated trials alone.
         scenes: ``dataset/scene`` of all that it has learned from.
-        method: One of :data:`graspcast.learning.forecaster.METHODS`.
+        method: One of :data:`graspcast.forecasting.forecaster.METHODS`.
         features: Feature set (``paper``, ``rich`` or ``full``), or ``add`` for the threshold.
         settings: Of the method.
         samples, success_rate: Of the training data.

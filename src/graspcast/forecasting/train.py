@@ -13,17 +13,18 @@ from numpy import ndarray
 
 from graspcast._version import __version__
 from graspcast.bop.models import Models
-from graspcast.consensus import FeatureSet
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.estimates.instances import scene_groups, unit_names
+from graspcast.forecasting.features import FeatureSet, features_of
+from graspcast.forecasting.forecaster import KINDS, Forecaster
+from graspcast.forecasting.model_card import Card, digest_of
 from graspcast.forecasting.models.add_threshold import Thresholds
 from graspcast.forecasting.models.blend import Blend, ForestSettings
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble, NetworkSettings
-from graspcast.learning.card import Card, digest_of
-from graspcast.learning.familiarity import Familiarity
-from graspcast.learning.forecaster import KINDS, Forecaster, features_of
-from graspcast.learning.lessons import Lessons, as_lessons
-from graspcast.learning.samples import Samples, by_object, by_scene
+from graspcast.forecasting.novelty import Familiarity
+from graspcast.forecasting.samples import Samples
+from graspcast.forecasting.splits import by_object, by_scene
+from graspcast.forecasting.training_data import Lessons, as_lessons
 from graspcast.learning.scores import Scores, score
 
 __all__ = ["cross_validate", "cross_validated", "train_forecaster"]
