@@ -19,12 +19,12 @@ import numpy as np
 
 from graspcast.cli.options import write_json
 from graspcast.estimates.outcomes import read_all_outcomes
+from graspcast.evaluation.benchmark import Benchmark
+from graspcast.evaluation.methods import METHODS
+from graspcast.evaluation.predictions import Forecasts
+from graspcast.evaluation.run import forecast_all
 from graspcast.forecasting.training_data import ErrorOutcomes
 from graspcast.guarantees.certify import certify
-from graspcast.learning.benchmark import Benchmark
-from graspcast.learning.forecast_run import forecast_all
-from graspcast.learning.forecasts import Forecasts
-from graspcast.learning.methods import METHODS
 from graspcast.published import Published
 
 
@@ -66,7 +66,7 @@ def main() -> None:
 
 def _images(benchmark: Benchmark, each: Forecasts, images: list[str]) -> np.ndarray:
     """The image of every forecast: they are in the order of the protocol's tasks."""
-    from graspcast.learning.protocols import tasks
+    from graspcast.evaluation.protocols import tasks
 
     rows = [
         benchmark.rows_of(judged.estimates)

@@ -11,9 +11,9 @@ import polars as pl
 
 from graspcast.bop.models import Models
 from graspcast.estimates.alignment import Estimates
+from graspcast.evaluation.benchmark import Benchmark
 from graspcast.forecasting.samples import Samples
 from graspcast.forecasting.training_data import ErrorOutcomes, Lessons
-from graspcast.learning.benchmark import Benchmark
 from poses import nudged, random_poses
 
 

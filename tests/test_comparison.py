@@ -27,9 +27,9 @@ from graspcast import (
 from graspcast.bop.results import write_results
 from graspcast.cli import main
 from graspcast.errors import InputError, MismatchError
+from graspcast.evaluation.cross_validation import cross_validate, cross_validated
+from graspcast.evaluation.paired_differences import FORECAST, STANDING
 from graspcast.forecasting import train
-from graspcast.forecasting.train import cross_validate, cross_validated
-from graspcast.learning.contrast import FORECAST, STANDING
 from poses import nudged, random_poses, results_of, write_models
 
 FORESTS = ForestSettings(trees=16, draws=16, folds=0)

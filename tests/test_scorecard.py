@@ -13,8 +13,8 @@ import pytest
 from commands import refused
 from graspcast.cli import main
 from graspcast.errors import InputError, UnknownNameError
+from graspcast.evaluation.verdict_scores import score_verdicts, verdict_table
 from graspcast.forecasting.verdict import Verdict, VerdictRow
-from graspcast.scorecard import score_verdicts, verdict_table
 
 HEADER = "scene_id,im_id,obj_id,gripper,probability,verdict,reason\n"
 

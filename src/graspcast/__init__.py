@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from graspcast.bop.models import Models
     from graspcast.bop.release import import_release
     from graspcast.bop.results import Results, read_results, write_results
-    from graspcast.comparison import Comparison, compare
     from graspcast.demo_data import demo_dataset
     from graspcast.errors import GraspcastError
     from graspcast.estimates.alignment import Estimates, align, concatenate
@@ -26,12 +25,16 @@ if TYPE_CHECKING:
     from graspcast.estimates.instances import unit_names
     from graspcast.estimates.matching import match
     from graspcast.estimates.outcomes import read_outcomes
+    from graspcast.evaluation.cross_validation import cross_validate
+    from graspcast.evaluation.estimator_comparison import Comparison, compare
+    from graspcast.evaluation.scores import Scores, score
+    from graspcast.evaluation.verdict_scores import Scorecard, score_verdicts
     from graspcast.forecasting.features import Features, consensus_features, describe, mean_add
     from graspcast.forecasting.forecaster import Forecaster
     from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
     from graspcast.forecasting.samples import Samples, join
-    from graspcast.forecasting.train import cross_validate, train_forecaster
+    from graspcast.forecasting.train import train_forecaster
     from graspcast.forecasting.training_data import ErrorOutcomes, Lessons, lessons
     from graspcast.forecasting.verdict import (
         Verdict,
@@ -53,13 +56,11 @@ if TYPE_CHECKING:
     from graspcast.guarantees.certify import certify
     from graspcast.guarantees.drift_monitor import DriftMonitor
     from graspcast.guarantees.threshold_sequence import Sequence, learn_sequence
-    from graspcast.learning.scores import Scores, score
     from graspcast.perception.conformance import check_estimator
     from graspcast.perception.estimator import Estimator, built_in
     from graspcast.published import Published
     from graspcast.rendering.dataset import render_dataset
     from graspcast.report.paper import reproduce
-    from graspcast.scorecard import Scorecard, score_verdicts
 
 _HOME = {
     "bop.dataset": ("BopDataset", "GroundTruth"),

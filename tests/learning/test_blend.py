@@ -12,12 +12,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 import synthetic
 from graspcast.bop.models import Models
 from graspcast.errors import InputError
+from graspcast.evaluation.scores import score
 from graspcast.forecasting.features import features_of
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.blend import Blend, ForestSettings, _calibrate
 from graspcast.forecasting.train import train_forecaster
 from graspcast.forecasting.training_data import ErrorOutcomes, Lessons
-from graspcast.learning.scores import score
 from poses import write_models
 
 QUICK = ForestSettings(trees=24, draws=32, folds=3)

@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from graspcast.learning.contrast import FORECAST, STANDING, figures_of, gains, under_scenes
-from graspcast.learning.forecasts import Forecasts
-from graspcast.learning.resampling import draw_scenes
-from graspcast.learning.scores import score
+from graspcast.evaluation.bootstrap import draw_scenes
+from graspcast.evaluation.paired_differences import (
+    FORECAST,
+    STANDING,
+    figures_of,
+    gains,
+    under_scenes,
+)
+from graspcast.evaluation.predictions import Forecasts
+from graspcast.evaluation.scores import score
 
 
 def forecasts(probability: np.ndarray, success: np.ndarray, scenes: np.ndarray) -> Forecasts:

@@ -12,9 +12,9 @@ from numpy.testing import assert_array_equal
 
 import synthetic
 from graspcast.bop.models import Models
-from graspcast.learning.benchmark import Benchmark
-from graspcast.learning.forecast_run import forecast_all
-from graspcast.learning.protocols import Task
+from graspcast.evaluation.benchmark import Benchmark
+from graspcast.evaluation.protocols import Task
+from graspcast.evaluation.run import forecast_all
 from poses import write_models
 
 

@@ -17,15 +17,16 @@ from graspcast._version import __version__
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.instances import scene_groups
+from graspcast.evaluation.cross_validation import cross_validate
+from graspcast.evaluation.scores import score
 from graspcast.forecasting import train as module
 from graspcast.forecasting.forecaster import KINDS, Forecaster
 from graspcast.forecasting.model_card import Card
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
 from graspcast.forecasting.samples import Samples
-from graspcast.forecasting.train import cross_validate, train_forecaster
+from graspcast.forecasting.train import train_forecaster
 from graspcast.forecasting.training_data import Lessons
-from graspcast.learning.scores import score
 from graspcast.published import Published
 from poses import write_models
 

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from graspcast.errors import FormatError, InputError, MismatchError
-from graspcast.learning.forecasts import Forecasts
+from graspcast.evaluation.predictions import Forecasts
 
 GOOD = Forecasts(
     "unseen_scenes",

@@ -13,9 +13,8 @@ import synthetic
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
-from graspcast.forecasting.samples import Samples
-from graspcast.learning.benchmark import Benchmark, _true_poses
-from graspcast.learning.methods import (
+from graspcast.evaluation.benchmark import Benchmark, _true_poses
+from graspcast.evaluation.methods import (
     METHODS,
     Blended,
     Direct,
@@ -25,8 +24,9 @@ from graspcast.learning.methods import (
     Threshold,
     TwoStage,
 )
-from graspcast.learning.protocols import PROTOCOLS, Method, Task, forecast, tasks
-from graspcast.learning.scores import score
+from graspcast.evaluation.protocols import PROTOCOLS, Method, Task, forecast, tasks
+from graspcast.evaluation.scores import score
+from graspcast.forecasting.samples import Samples
 from graspcast.published import ESTIMATORS, GRIPPERS, Published
 from poses import write_models
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from sklearn.metrics import roc_auc_score
 
-from graspcast.learning.forecasts import Forecasts
-from graspcast.learning.resampling import Resampled, draw_scenes
-from graspcast.learning.scores import BINS, bin_of, score
+from graspcast.evaluation.bootstrap import Resampled, draw_scenes
+from graspcast.evaluation.predictions import Forecasts
+from graspcast.evaluation.scores import BINS, bin_of, score
 
 SCENES = ["s0", "s1", "s2", "s3"]
 MEASURES = (

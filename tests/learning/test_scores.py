@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from graspcast.errors import InputError
-from graspcast.learning.scores import calibration_error, risk_coverage, score
+from graspcast.evaluation.scores import calibration_error, risk_coverage, score
 
 # Few distinct probabilities, so that ties and edges of bins are common.
 chances = st.one_of(st.sampled_from([0.0, 0.25, 0.5, 0.75, 1.0]), st.floats(0, 1))

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from graspcast.errors import InputError
-from graspcast.learning.value import Costs
+from graspcast.evaluation.net_benefit import Costs
 
 costs = st.builds(Costs, st.floats(0, 20), st.floats(0, 5))
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from graspcast.errors import InputError, MismatchError
-from graspcast.learning.forecasts import Forecasts
-from graspcast.learning.resampling import draw_scenes
-from graspcast.learning.scores import score
-from graspcast.learning.value import Costs
-from graspcast.report.evaluation import MEASURES, SCORES, Bootstrap, evaluate
-from graspcast.report.evaluation_tables import render_evaluation
+from graspcast.evaluation.bootstrap import draw_scenes
+from graspcast.evaluation.net_benefit import Costs
+from graspcast.evaluation.predictions import Forecasts
+from graspcast.evaluation.report import MEASURES, SCORES, Bootstrap, evaluate
+from graspcast.evaluation.scores import score
+from graspcast.evaluation.tables import render_evaluation
 
 PRINCIPALS = ("epos", "gdrnpp")
 GRIPPERS = ("parallel", "underactuated")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from graspcast.errors import ExtraMissingError, InputError
-from graspcast.learning.forecasts import Forecasts
-from graspcast.learning.scores import calibration_error, risk_coverage
-from graspcast.report.evaluation import Bootstrap
-from graspcast.report.evaluation_figures import draw_figures, reliability_diagram
+from graspcast.evaluation.figures import draw_figures, reliability_diagram
+from graspcast.evaluation.predictions import Forecasts
+from graspcast.evaluation.report import Bootstrap
+from graspcast.evaluation.scores import calibration_error, risk_coverage
 
 METHODS = ("threshold", "good")
 

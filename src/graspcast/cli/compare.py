@@ -20,10 +20,10 @@ from graspcast.cli.options import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from graspcast.comparison import Comparison, Judged
     from graspcast.estimates.loading import Inputs
+    from graspcast.evaluation.estimator_comparison import Comparison, Judged
+    from graspcast.evaluation.paired_differences import Contrast
     from graspcast.forecasting.training_data import Lessons
-    from graspcast.learning.contrast import Contrast
 
 __all__ = ["add_verbs"]
 
@@ -75,7 +75,7 @@ def add_verbs(verbs: Verbs) -> None:
 
 
 def _compare(options: argparse.Namespace) -> None:
-    from graspcast.comparison import compare
+    from graspcast.evaluation.estimator_comparison import compare
     from graspcast.forecasting.models.blend import ForestSettings
 
     inputs = inputs_of(options)
@@ -129,7 +129,7 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> list[Lessons]:
 
 
 def _print(found: Comparison) -> None:
-    from graspcast.learning.contrast import STANDING
+    from graspcast.evaluation.paired_differences import STANDING
 
     for judged in found.principals.values():
         _print_principal(judged, found.gripper)
@@ -157,7 +157,7 @@ def _print(found: Comparison) -> None:
 
 
 def _print_principal(judged: Judged, gripper: str) -> None:
-    from graspcast.learning.contrast import FORECAST
+    from graspcast.evaluation.paired_differences import FORECAST
 
     rows = [["all", *_figures(judged.figures, FORECAST), "-", "-"]]
     rows += _rows("without", judged.without)
@@ -175,7 +175,7 @@ def _print_principal(judged: Judged, gripper: str) -> None:
 
 
 def _rows(word: str, contrasts: Mapping[str, Contrast]) -> list[list[str]]:
-    from graspcast.learning.contrast import FORECAST
+    from graspcast.evaluation.paired_differences import FORECAST
 
     return [
         [

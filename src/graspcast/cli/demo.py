@@ -195,8 +195,8 @@ def _range(scenes: list[int]) -> list[str]:
 def _with_outcomes(verdicts: Path, trials: Path) -> pl.DataFrame:
     """Verdicts, and what came of the grasps; drawn at random, but the same each time."""
     from graspcast.estimates.outcomes import read_outcomes
+    from graspcast.evaluation.verdict_scores import with_outcomes
     from graspcast.forecasting.verdict import read_verdicts
-    from graspcast.scorecard import with_outcomes
 
     both = with_outcomes(read_verdicts(verdicts), read_outcomes(trials))
     ordered = both.sort("scene_id", "im_id", "obj_id", "inst_id", "gripper")

@@ -118,15 +118,15 @@ def _evaluate(options: argparse.Namespace) -> None:
     from dataclasses import asdict
 
     from graspcast.estimates.outcomes import read_all_outcomes
+    from graspcast.evaluation.benchmark import Benchmark
+    from graspcast.evaluation.methods import METHODS
+    from graspcast.evaluation.net_benefit import Costs
+    from graspcast.evaluation.protocols import PROTOCOLS
+    from graspcast.evaluation.report import Bootstrap, evaluate
+    from graspcast.evaluation.run import forecast_all
+    from graspcast.evaluation.tables import render_evaluation
     from graspcast.forecasting.training_data import ErrorOutcomes
-    from graspcast.learning.benchmark import Benchmark
-    from graspcast.learning.forecast_run import forecast_all
-    from graspcast.learning.methods import METHODS
-    from graspcast.learning.protocols import PROTOCOLS
-    from graspcast.learning.value import Costs
     from graspcast.published import Published
-    from graspcast.report.evaluation import Bootstrap, evaluate
-    from graspcast.report.evaluation_tables import render_evaluation
 
     start = time.perf_counter()
     costs = Costs(options.failure_cost, options.abstain_cost)
@@ -139,7 +139,7 @@ def _evaluate(options: argparse.Namespace) -> None:
     if options.figures is not None:
         if _DRAWN not in protocols:
             raise InputError(f"figures are of the protocol {_DRAWN}; add it to --protocols")
-        from graspcast.report.evaluation_figures import check_plotting
+        from graspcast.evaluation.figures import check_plotting
 
         check_plotting()
     methods = {name: METHODS[name](options.seed) for name in names}
@@ -168,7 +168,7 @@ def _evaluate(options: argparse.Namespace) -> None:
     }
     print_text(render_evaluation(found))
     if options.figures is not None:
-        from graspcast.report.evaluation_figures import draw_figures
+        from graspcast.evaluation.figures import draw_figures
 
         for path in draw_figures(forecasts, options.figures, methods=drawn, bootstrap=bootstrap):
             note(f"{path}, and the same as PNG")

@@ -120,10 +120,11 @@ def _add_train(verbs: Verbs) -> None:
 def _train(options: argparse.Namespace) -> None:
     from dataclasses import replace
 
+    from graspcast.evaluation.cross_validation import cross_validate
     from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
     from graspcast.forecasting.models.mlp.types import MlpSettings
-    from graspcast.forecasting.train import cross_validate, train_forecaster
+    from graspcast.forecasting.train import train_forecaster
 
     inputs = inputs_of(options)
     learned = _lessons(options, inputs)

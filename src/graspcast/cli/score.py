@@ -36,8 +36,8 @@ def add_verbs(verbs: Verbs) -> None:
 
 def _score(options: argparse.Namespace) -> None:
     from graspcast.estimates.outcomes import read_all_outcomes
+    from graspcast.evaluation.verdict_scores import score_verdicts
     from graspcast.forecasting.verdict import read_verdicts
-    from graspcast.scorecard import score_verdicts
 
     found = score_verdicts(
         read_verdicts(options.verdicts),

@@ -24,7 +24,7 @@ class Forecasts:
     """Predictions for one principal and gripper.
 
     Attributes:
-        protocol: What was kept from training (:data:`graspcast.learning.protocols.PROTOCOLS`).
+        protocol: What was kept from training (:data:`graspcast.evaluation.protocols.PROTOCOLS`).
         method: Name of the method.
         principal, gripper: Whose grasps these are.
         probability: Predicted, from 0 to 1, (n,).

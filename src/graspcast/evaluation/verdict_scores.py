@@ -10,8 +10,8 @@ import numpy as np
 import polars as pl
 
 from graspcast.errors import InputError, UnknownNameError
+from graspcast.evaluation.bootstrap import Interval, every_scene_and_draws
 from graspcast.forecasting.verdict import VerdictRow
-from graspcast.learning.resampling import Interval, every_scene_and_draws
 
 __all__ = ["Scorecard", "score_verdicts", "verdict_table", "with_outcomes"]
 
@@ -87,7 +87,7 @@ def score_verdicts(
     """Hold verdicts against outcomes.
 
     Intervals are percentiles under draws of scenes with replacement
-    (:mod:`graspcast.learning.resampling`), since grasps of one scene are not independent.
+    (:mod:`graspcast.evaluation.bootstrap`), since grasps of one scene are not independent.
 
     Args:
         verdicts: In the order of :func:`graspcast.forecasting.verdict.verdict_rows`.

@@ -19,10 +19,9 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.instances import scene_groups
-from graspcast.forecasting.models.blend import ForestSettings
-from graspcast.forecasting.train import cross_validated
-from graspcast.forecasting.training_data import Lessons
-from graspcast.learning.contrast import (
+from graspcast.evaluation.bootstrap import Interval
+from graspcast.evaluation.cross_validation import cross_validated
+from graspcast.evaluation.paired_differences import (
     DECISIVE,
     FORECAST,
     STANDING,
@@ -32,8 +31,9 @@ from graspcast.learning.contrast import (
     gains,
     under_scenes,
 )
-from graspcast.learning.forecasts import Forecasts
-from graspcast.learning.resampling import Interval
+from graspcast.evaluation.predictions import Forecasts
+from graspcast.forecasting.models.blend import ForestSettings
+from graspcast.forecasting.training_data import Lessons
 
 __all__ = ["Comparison", "Judged", "compare"]
 

@@ -1,6 +1,6 @@
 """The methods that ``graspcast evaluate`` compares, by name.
 
-A method is a callable that answers a :class:`~graspcast.learning.protocols.Task`; as a frozen
+A method is a callable that answers a :class:`~graspcast.evaluation.protocols.Task`; as a frozen
 dataclass its ``repr`` states its settings, which reports record. To add one, put a factory that
 takes a seed into :data:`METHODS`.
 """
@@ -15,13 +15,13 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from graspcast.evaluation.protocols import Method, Task
 from graspcast.forecasting.features import consensus_features
 from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.models.encoding import one_hot
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.train import train_forecaster
 from graspcast.forecasting.training_data import Lessons
-from graspcast.learning.protocols import Method, Task
 
 __all__ = ["METHODS", "ExtraTrees", "Majority", "PaperNetworks", "Threshold", "success_rates"]
 

@@ -11,10 +11,10 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.errors import InputError, MismatchError
-from graspcast.learning.forecasts import Forecasts
-from graspcast.learning.resampling import Resampled, draw_scenes
-from graspcast.learning.scores import score
-from graspcast.learning.value import Costs
+from graspcast.evaluation.bootstrap import Resampled, draw_scenes
+from graspcast.evaluation.net_benefit import Costs
+from graspcast.evaluation.predictions import Forecasts
+from graspcast.evaluation.scores import score
 
 __all__ = ["BASELINES", "MEASURES", "SCORES", "Bootstrap", "evaluate", "evaluate_protocol"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from graspcast.evaluation.report import BASELINES, SCORES
 from graspcast.io.markdown import table
-from graspcast.report.evaluation import BASELINES, SCORES
 
 __all__ = ["render_evaluation"]
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from graspcast._version import __version__
-from graspcast.learning.benchmark import Benchmark
-from graspcast.learning.forecasts import Forecasts
-from graspcast.learning.protocols import Method, forecast
+from graspcast.evaluation.benchmark import Benchmark
+from graspcast.evaluation.predictions import Forecasts
+from graspcast.evaluation.protocols import Method, forecast
 
 __all__ = ["forecast_all"]
 
@@ -37,7 +37,7 @@ def forecast_all(
 
     Raises:
         FormatError: for a file in ``work`` that is none of forecasts.
-        InputError: as :func:`graspcast.learning.protocols.forecast` does.
+        InputError: as :func:`graspcast.evaluation.protocols.forecast` does.
     """
     digests = {own: benchmark.digest(own_trials=own) for own in (False, True)} if work else {}
     jobs = [

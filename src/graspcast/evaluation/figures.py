@@ -12,11 +12,11 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import ExtraMissingError, InputError
+from graspcast.evaluation.bootstrap import Resampled, draw_scenes
+from graspcast.evaluation.predictions import Forecasts
+from graspcast.evaluation.report import Bootstrap
+from graspcast.evaluation.scores import BINS, bin_of, calibration_error, risk_coverage
 from graspcast.io.files import atomic_write
-from graspcast.learning.forecasts import Forecasts
-from graspcast.learning.resampling import Resampled, draw_scenes
-from graspcast.learning.scores import BINS, bin_of, calibration_error, risk_coverage
-from graspcast.report.evaluation import Bootstrap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

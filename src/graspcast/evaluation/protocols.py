@@ -17,11 +17,11 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
+from graspcast.evaluation.benchmark import Benchmark
+from graspcast.evaluation.predictions import Forecasts
 from graspcast.forecasting.samples import Samples, published_part
 from graspcast.forecasting.splits import by_scene
 from graspcast.forecasting.training_data import ErrorOutcomes
-from graspcast.learning.benchmark import Benchmark
-from graspcast.learning.forecasts import Forecasts
 
 __all__ = ["PROTOCOLS", "Method", "Task", "forecast", "tasks"]
 

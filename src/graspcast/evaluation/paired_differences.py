@@ -1,7 +1,7 @@
 """Two ways to forecast the same instances, and by how much one is better, with its uncertainty.
 
 Differences are paired: the same instances under the same draws of scenes with replacement
-(:mod:`graspcast.learning.resampling`), since instances of one scene are not independent.
+(:mod:`graspcast.evaluation.bootstrap`), since instances of one scene are not independent.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.learning.forecasts import Forecasts
-from graspcast.learning.resampling import Interval, Resampled, every_scene_and_draws
+from graspcast.evaluation.bootstrap import Interval, Resampled, every_scene_and_draws
+from graspcast.evaluation.predictions import Forecasts
 
 __all__ = [
     "DECISIVE",

@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.learning.forecasts import Forecasts
-from graspcast.learning.scores import BINS, bin_of
+from graspcast.evaluation.predictions import Forecasts
+from graspcast.evaluation.scores import BINS, bin_of
 
 __all__ = ["Interval", "Resampled", "draw_scenes", "every_scene_and_draws"]
 
@@ -73,7 +73,7 @@ class Resampled:
     """The scores of one method's forecasts when scenes count several times, or not at all.
 
     Every method answers for all draws at once, (draws,); NaN where a draw leaves a score undefined.
-    They equal :func:`graspcast.learning.scores.score` on samples that are repeated so often.
+    They equal :func:`graspcast.evaluation.scores.score` on samples that are repeated so often.
 
     Args:
         forecasts: The predictions.
