@@ -25,7 +25,7 @@ from graspcast.evaluation.predictions import Forecasts
 from graspcast.evaluation.run import forecast_all
 from graspcast.forecasting.training_data import ErrorOutcomes
 from graspcast.guarantees.certify import certify
-from graspcast.published import Published
+from graspcast.paper.dataset import Published
 
 
 def main() -> None:

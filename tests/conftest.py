@@ -10,7 +10,7 @@ import jaxtyping
 import pytest
 from hypothesis import settings
 
-from graspcast.published import Published
+from graspcast.paper.dataset import Published
 
 # Imports and shared machines take their time; no test is about how long it takes.
 settings.register_profile("graspcast", deadline=None)

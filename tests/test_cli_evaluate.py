@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from graspcast.cli import main
-from graspcast.published import ESTIMATORS, GRIPPERS
+from graspcast.paper.dataset import ESTIMATORS, GRIPPERS
 
 
 @pytest.mark.slow

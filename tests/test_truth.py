@@ -16,8 +16,8 @@ from graspcast.bop.results import Results, read_results
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.error_tables import MEASURES, measure, summarise
 from graspcast.estimates.matching import match
+from graspcast.paper.dataset import Published
 from graspcast.pose.transforms import transform_points
-from graspcast.published import Published
 from poses import nudged, random_poses, results_of, write_models
 
 

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from graspcast.bop.dataset import BopDataset, GroundTruth
     from graspcast.bop.detections import Detections, read_detections
     from graspcast.bop.models import Models
-    from graspcast.bop.release import import_release
     from graspcast.bop.results import Results, read_results, write_results
     from graspcast.demo_data import demo_dataset
     from graspcast.errors import GraspcastError
@@ -56,11 +55,12 @@ if TYPE_CHECKING:
     from graspcast.guarantees.certify import certify
     from graspcast.guarantees.drift_monitor import DriftMonitor
     from graspcast.guarantees.threshold_sequence import Sequence, learn_sequence
+    from graspcast.paper.dataset import Published
+    from graspcast.paper.release import import_release
+    from graspcast.paper.tables import reproduce
     from graspcast.perception.conformance import check_estimator
     from graspcast.perception.estimator import Estimator, built_in
-    from graspcast.published import Published
     from graspcast.rendering.dataset import render_dataset
-    from graspcast.report.paper import reproduce
 
 _HOME = {
     "bop.dataset": ("BopDataset", "GroundTruth"),

@@ -10,9 +10,9 @@ import polars as pl
 import pytest
 from numpy.testing import assert_array_equal
 
-from graspcast.bop.release import Imported, import_release
 from graspcast.bop.results import read_results
 from graspcast.errors import FormatError, InputError
+from graspcast.paper.release import Imported, import_release
 
 
 @pytest.fixture(scope="module")

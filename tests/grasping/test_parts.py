@@ -42,7 +42,7 @@ def test_an_image_without_ground_truth_is_in_no_part() -> None:
 
 
 def test_the_published_images_are_dealt_evenly(data_dir: object) -> None:
-    from graspcast.published import Published
+    from graspcast.paper.dataset import Published
 
     data = Published(data_dir)  # type: ignore[arg-type]
     frames = frames_of({name: bop.ground_truth for name, bop in data.bop.items()})

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from graspcast.bop.release import read_add_differences
 from graspcast.errors import InputError
 from graspcast.forecasting.models.add_threshold import fit_threshold, fit_thresholds, predict_below
-from graspcast.published import Published
-from graspcast.report.paper import baseline_accuracy
+from graspcast.paper.dataset import Published
+from graspcast.paper.release import read_add_differences
+from graspcast.paper.tables import baseline_accuracy
 
 ORACLE = Path(__file__).parents[1] / "data" / "published_baseline.json"
 NO_PARALLEL_GRASP = {f"{p}/lmo-10/parallel" for p in ("epos", "gdrnpp", "zebrapose")}

@@ -27,7 +27,7 @@ from graspcast.forecasting.models.mlp.types import MlpSettings
 from graspcast.forecasting.samples import Samples
 from graspcast.forecasting.train import train_forecaster
 from graspcast.forecasting.training_data import Lessons
-from graspcast.published import Published
+from graspcast.paper.dataset import Published
 from poses import write_models
 
 SHORT = NetworkSettings(members=2, optimiser=MlpSettings(epochs=80, rate=1e-2))

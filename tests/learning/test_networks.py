@@ -15,7 +15,7 @@ from graspcast.forecasting.models.encoding import one_hot
 from graspcast.forecasting.models.mlp.train import train
 from graspcast.forecasting.models.mlp.types import MlpSettings, Problem, Watch
 from graspcast.forecasting.splits import validation_part
-from graspcast.learning.networks import CONFIGURATIONS, Cell, CellKey, run
+from graspcast.paper.configurations import CONFIGURATIONS, Cell, CellKey, run
 
 SHORT = MlpSettings(epochs=20, hidden=(8, 4), rate=1e-2)
 OBJECTS, GRIPPERS = ("d-1", "d-10", "d-2"), ("parallel", "underactuated")

@@ -27,7 +27,7 @@ from graspcast.evaluation.methods import (
 from graspcast.evaluation.protocols import PROTOCOLS, Method, Task, forecast, tasks
 from graspcast.evaluation.scores import score
 from graspcast.forecasting.samples import Samples
-from graspcast.published import ESTIMATORS, GRIPPERS, Published
+from graspcast.paper.dataset import ESTIMATORS, GRIPPERS, Published
 from poses import write_models
 
 QUICK: dict[str, Method] = {

@@ -17,9 +17,10 @@ import synthetic
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import scene_groups
-from graspcast.forecasting.samples import Samples, join, published_part, read_split
+from graspcast.forecasting.samples import Samples, join
 from graspcast.forecasting.splits import by_object, by_scene
-from graspcast.published import ESTIMATORS, GRIPPERS, Published
+from graspcast.paper.dataset import ESTIMATORS, GRIPPERS, Published
+from graspcast.paper.published_split import published_part, read_split
 
 
 def trials(estimates: Estimates, success: list[int], estimator: str = "a") -> pl.DataFrame:

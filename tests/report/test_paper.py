@@ -12,16 +12,10 @@ import pytest
 
 from graspcast.errors import InputError
 from graspcast.io.markdown import table
-from graspcast.learning.networks import CONFIGURATIONS, PROTOCOLS, Protocol
-from graspcast.published import ESTIMATORS, GRIPPERS, OBJECTS, Published
-from graspcast.report.markdown import render
-from graspcast.report.paper import (
-    paper_tables,
-    reproduce,
-    table1,
-    table2,
-    table3_baseline,
-)
+from graspcast.paper.configurations import CONFIGURATIONS, PROTOCOLS, Protocol
+from graspcast.paper.dataset import ESTIMATORS, GRIPPERS, OBJECTS, Published
+from graspcast.paper.render import render
+from graspcast.paper.tables import paper_tables, reproduce, table1, table2, table3_baseline
 
 DIGITS = {"rotation_deg": 2, "translation_mm": 1, "parallel": 3, "underactuated": 3}
 

@@ -10,8 +10,8 @@ from graspcast.grasping.grasps import GraspTable, ReferenceGrasp
 from graspcast.grasping.labelled import LabelledTrials
 from graspcast.grasping.requests import TrialRequests
 from graspcast.grasping.types import Grasp
-from graspcast.report.paper import paper_tables
-from graspcast.report.validation import compare, render_cells, render_table1
+from graspcast.paper.tables import paper_tables
+from graspcast.paper.validation import compare, render_cells, render_table1
 
 HANDS = ("parallel", "underactuated")
 

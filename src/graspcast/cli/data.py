@@ -71,7 +71,7 @@ def add_verbs(verbs: Verbs) -> None:
 
 
 def _import_release(options: argparse.Namespace) -> None:
-    from graspcast.bop.release import import_release
+    from graspcast.paper.release import import_release
 
     for found in import_release(options.release, options.out):
         poses = ", ".join(f"{name} {n}" for name, n in found.estimates.items())

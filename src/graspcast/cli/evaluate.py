@@ -126,7 +126,7 @@ def _evaluate(options: argparse.Namespace) -> None:
     from graspcast.evaluation.run import forecast_all
     from graspcast.evaluation.tables import render_evaluation
     from graspcast.forecasting.training_data import ErrorOutcomes
-    from graspcast.published import Published
+    from graspcast.paper.dataset import Published
 
     start = time.perf_counter()
     costs = Costs(options.failure_cost, options.abstain_cost)

@@ -216,9 +216,9 @@ def _figure(value: float | int | None) -> str:
 
 
 def _reproduce(options: argparse.Namespace) -> None:
-    from graspcast.published import Published
-    from graspcast.report.markdown import render
-    from graspcast.report.paper import reproduce
+    from graspcast.paper.dataset import Published
+    from graspcast.paper.render import render
+    from graspcast.paper.tables import reproduce
 
     data = Published(options.data, outcomes=options.outcomes)
     with progress_bar("reading") as move:

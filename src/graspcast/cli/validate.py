@@ -84,7 +84,7 @@ def add_verbs(verbs: Verbs) -> None:
 def _published_trials(directory: Path) -> tuple[LabelledTrials, dict[str, Path]]:
     from graspcast.bop.results import read_results
     from graspcast.grasping.labelled import labelled_trials
-    from graspcast.published import DATASETS, ESTIMATORS, Published
+    from graspcast.paper.dataset import DATASETS, ESTIMATORS, Published
 
     data = Published(directory)
     # The paper's tables count placeholders for 'nothing found' as estimates.
@@ -159,7 +159,7 @@ def _validate_sim(options: argparse.Namespace) -> None:
     from graspcast.grasping.fit import jitter_held
     from graspcast.grasping.grasps import read_grasps
     from graspcast.grasping.work import load_pairs
-    from graspcast.report.validation import compare, render_cells, render_table1
+    from graspcast.paper.validation import compare, render_cells, render_table1
 
     trials, bop_dirs = _published_trials(options.data)
     grasps = read_grasps(options.grasps)

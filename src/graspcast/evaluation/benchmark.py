@@ -21,7 +21,7 @@ from graspcast.estimates.instances import scene_groups
 from graspcast.estimates.matching import true_poses
 from graspcast.forecasting.samples import Samples, join
 from graspcast.forecasting.training_data import ErrorOutcomes
-from graspcast.published import Published
+from graspcast.paper.dataset import Published
 
 __all__ = ["Benchmark"]
 
@@ -36,7 +36,7 @@ class Benchmark:
         estimates: All estimators' poses of n instances.
         truth: Their true poses ``cam_T_obj``, metres, (n, 4, 4).
         outcomes: Of trials, as :func:`graspcast.estimates.outcomes.read_outcomes` returns them.
-        split: As :func:`graspcast.forecasting.samples.read_split` returns it.
+        split: As :func:`graspcast.paper.published_split.read_split` returns it.
         models: Dataset's name to its object models.
         reported: Which instances are of images that no reference grasp was fitted or chosen on,
             (n,): where a simulation takes part, only these are judged.

@@ -19,9 +19,10 @@ from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
 from graspcast.evaluation.benchmark import Benchmark
 from graspcast.evaluation.predictions import Forecasts
-from graspcast.forecasting.samples import Samples, published_part
+from graspcast.forecasting.samples import Samples
 from graspcast.forecasting.splits import by_scene
 from graspcast.forecasting.training_data import ErrorOutcomes
+from graspcast.paper.published_split import published_part
 
 __all__ = ["PROTOCOLS", "Method", "Task", "forecast", "tasks"]
 

@@ -7,24 +7,16 @@ here keep scenes apart, and cut the only scene of a dataset into contiguous bloc
 from __future__ import annotations
 
 from dataclasses import dataclass
-from os import PathLike
-from pathlib import Path
 
 import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.errors import FormatError, MismatchError, UnknownNameError
+from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
 
-__all__ = [
-    "Samples",
-    "join",
-    "outcomes_of",
-    "published_part",
-    "read_split",
-]
+__all__ = ["Samples", "join", "outcomes_of"]
 
 
 @dataclass(frozen=True)
@@ -114,33 +106,3 @@ def join(estimates: Estimates, outcomes: pl.DataFrame, principal: str, gripper: 
         success=success[has] == 1,
         untried=int((~has).sum()),
     )
-
-
-def read_split(path: str | PathLike[str]) -> pl.DataFrame:
-    """Read ``split.csv``: principal, gripper, dataset, scene_id, im_id, obj_id, split.
-
-    Raises:
-        FormatError: if a column is missing, or ``split`` holds more than train and test.
-    """
-    columns = ("principal", "gripper", "dataset", "scene_id", "im_id", "obj_id", "split")
-    try:
-        frame = pl.read_csv(Path(path))
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise FormatError(path, f"cannot be read ({str(error).splitlines()[0]})") from error
-    missing = [name for name in columns if name not in frame.columns]
-    if missing:
-        raise FormatError(path, f"no column {', '.join(missing)}; found {frame.columns}")
-    if odd := set(frame["split"].unique()) - {"train", "test"}:
-        raise FormatError(path, f"split should be train or test, but holds {odd}")
-    return frame.select(columns)
-
-
-def published_part(samples: Samples, split: pl.DataFrame) -> ndarray:
-    """``train``, ``test`` or an empty string for each sample, by its principal and gripper."""
-    mine = split.filter(
-        pl.col("principal") == samples.principal, pl.col("gripper") == samples.gripper
-    )
-    keys = _keys(samples.estimates)
-    on = ["dataset", "scene_id", "im_id", "obj_id"]
-    part = keys.join(mine.select(*on, "split"), on=on, how="left", maintain_order="left")["split"]
-    return part.fill_null("").to_numpy().astype(str)

@@ -27,7 +27,7 @@ class NetworkSettings:
         pools_objects: One ensemble for all objects, told which by a one-hot vector (MLP-O), or one
             for each object (MLP).
         standardise: Bring features to mean 0 and deviation 1 first (the paper does not).
-        protocol: ``validated`` or ``last`` (see :mod:`graspcast.learning.networks`).
+        protocol: ``validated`` or ``last`` (see :mod:`graspcast.paper.configurations`).
         members: Networks whose probabilities are averaged.
         seed: Of everything random.
         optimiser: The paper's, by default.

@@ -26,7 +26,8 @@ from graspcast.bop.results import read_results
 from graspcast.errors import InputError
 from graspcast.estimates.alignment import Estimates, align, concatenate
 from graspcast.estimates.outcomes import read_all_outcomes
-from graspcast.forecasting.samples import Samples, join, published_part, read_split
+from graspcast.forecasting.samples import Samples, join
+from graspcast.paper.published_split import published_part, read_split
 
 __all__ = ["DATASETS", "ESTIMATORS", "GRIPPERS", "OBJECTS", "Published"]
 

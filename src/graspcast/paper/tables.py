@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from graspcast.bop.release import read_add_differences
 from graspcast.bop.results import read_results
 from graspcast.estimates.error_tables import measure
 from graspcast.forecasting.features import consensus_features, mean_add
 from graspcast.forecasting.models.add_threshold import fit_thresholds, predict_below
-from graspcast.learning.networks import CONFIGURATIONS, Cell, CellKey, run
-from graspcast.published import DATASETS, ESTIMATORS, GRIPPERS, OBJECTS, Published
+from graspcast.paper.configurations import CONFIGURATIONS, Cell, CellKey, run
+from graspcast.paper.dataset import DATASETS, ESTIMATORS, GRIPPERS, OBJECTS, Published
+from graspcast.paper.release import read_add_differences
 
 __all__ = ["paper_tables", "reproduce", "table1", "table2", "table3_baseline", "table3_networks"]
 

@@ -15,8 +15,8 @@ from graspcast.grasping.grasps import GraspTable
 from graspcast.grasping.labelled import LabelledTrials
 from graspcast.grasping.requests import KEY_COLUMNS
 from graspcast.io.markdown import table
-from graspcast.published import ESTIMATORS, GRIPPERS, OBJECTS
-from graspcast.report.paper import paper_tables, table1
+from graspcast.paper.dataset import ESTIMATORS, GRIPPERS, OBJECTS
+from graspcast.paper.tables import paper_tables, table1
 
 __all__ = ["compare", "render_cells", "render_table1", "summary"]
 

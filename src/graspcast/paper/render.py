@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from graspcast.io.markdown import table
-from graspcast.learning.networks import CONFIGURATIONS, PROTOCOLS
-from graspcast.published import ESTIMATORS, GRIPPERS, OBJECTS
-from graspcast.report.paper import paper_tables
+from graspcast.paper.configurations import CONFIGURATIONS, PROTOCOLS
+from graspcast.paper.dataset import ESTIMATORS, GRIPPERS, OBJECTS
+from graspcast.paper.tables import paper_tables
 
 __all__ = ["render"]
 
@@ -103,7 +103,7 @@ def _deviating(note: dict[str, Any]) -> str:
 
 
 def render(found: dict[str, Any]) -> str:
-    """What :func:`graspcast.report.paper.reproduce` returns, as a Markdown document."""
+    """What :func:`graspcast.paper.tables.reproduce` returns, as a Markdown document."""
     paper = paper_tables()
     seeds = found["seeds"]
     return "\n\n".join(
