@@ -29,7 +29,6 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
-from graspcast.forecasting.features import Features, FeatureSet, consensus_features, mean_add
 from graspcast.pose.metrics import add, nearest_symmetric
 from graspcast.pose.ray_frame import obj_R_ray, relative
 from graspcast.pose.transforms import compose, euler_zyx, invert, rotation_vector

@@ -22,6 +22,9 @@ __all__ = [
 ]
 
 
+VALIDATION_SHARE = 0.2
+
+
 Fold = tuple[Int[ndarray, "train"], Int[ndarray, "test"]]
 
 
@@ -71,6 +74,3 @@ def validation_part(
         mine = rng.permutation(np.flatnonzero(strata == value))
         out[mine[: round(share * len(mine))]] = True
     return out
-
-
-VALIDATION_SHARE = 0.2

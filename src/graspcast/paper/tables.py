@@ -27,7 +27,7 @@ Averages = dict[str, Any]
 
 def paper_tables() -> dict[str, Any]:
     """The printed numbers of the paper's Tables I to III; None where the paper has a dash."""
-    text = files("graspcast.report").joinpath("paper_tables.json").read_text(encoding="utf-8")
+    text = files("graspcast.paper").joinpath("paper_tables.json").read_text(encoding="utf-8")
     tables: dict[str, Any] = json.loads(text)
     return tables
 
