@@ -47,9 +47,7 @@ if TYPE_CHECKING:
     from graspcast.grasping.grasps import read_grasps
     from graspcast.grasping.grippers import load_gripper
     from graspcast.grasping.guided import guided_trials
-    from graspcast.grasping.objects import load_object
     from graspcast.grasping.trial import Outcome, TrialRunner
-    from graspcast.grasping.types import Grasp, GraspObject
     from graspcast.grasping.work import load_pairs
     from graspcast.guarantees.certificate import Promise, Promises
     from graspcast.guarantees.certify import certify
@@ -61,6 +59,8 @@ if TYPE_CHECKING:
     from graspcast.perception.conformance import check_estimator
     from graspcast.perception.estimator import Estimator, built_in
     from graspcast.rendering.dataset import render_dataset
+    from graspcast.simulation.objects.load import load_object
+    from graspcast.simulation.objects.types import Grasp, GraspObject
 
 _HOME = {
     "bop.dataset": ("BopDataset", "GroundTruth"),

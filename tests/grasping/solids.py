@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.grasping.types import ConvexPiece, GraspObject, Primitive
 from graspcast.pose.transforms import exp
+from graspcast.simulation.objects.types import ConvexPiece, GraspObject, Primitive
 
 IDENTITY = np.eye(4)
 

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from graspcast.errors import InputError
-from graspcast.grasping import decomposition
-from graspcast.grasping.decomposition import (
+from graspcast.simulation.objects import decomposition
+from graspcast.simulation.objects.decomposition import (
     Decomposition,
     cache_directory,
     convex_hull,
     decompose,
 )
-from graspcast.grasping.types import ConvexPiece
+from graspcast.simulation.objects.types import ConvexPiece
 
 QUICK = Decomposition(pieces=4, threshold=0.2, preprocess_resolution=20)
 

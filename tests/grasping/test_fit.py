@@ -17,8 +17,8 @@ from graspcast.grasping.labelled import LabelledTrials
 from graspcast.grasping.requests import TrialRequests
 from graspcast.grasping.sample import FittedTrials
 from graspcast.grasping.trial import TrialRunner
-from graspcast.grasping.types import Grasp, GraspObject
 from graspcast.pose.transforms import exp, invert, transform_points
+from graspcast.simulation.objects.types import Grasp, GraspObject
 
 SMALL = SearchEffort(proposals=60, racers=6, children=3, first=6, last=24, choose=24)
 HANDS = ("parallel", "underactuated")

@@ -19,8 +19,8 @@ from graspcast.grasping.conformance import check_gripper
 from graspcast.grasping.gripper import Closing, Equilibrium, Gripper, gripper_digest
 from graspcast.grasping.grippers import GRIPPERS, FrankaHand, TendonHand, load_gripper
 from graspcast.grasping.trial import TrialRunner
-from graspcast.grasping.types import Grasp
 from graspcast.pose.transforms import transform
+from graspcast.simulation.objects.types import Grasp
 
 THREE_JAW = Path(__file__).parent / "data" / "three_jaw.toml"
 

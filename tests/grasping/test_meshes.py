@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from graspcast.errors import FormatError, InputError
-from graspcast.grasping.meshes import Mesh, mass_properties, open_edges, read_mesh
 from graspcast.pose.transforms import rotation_from_vector
+from graspcast.simulation.objects.meshes import Mesh, mass_properties, open_edges, read_mesh
 
 
 def _box(extents: tuple[float, float, float] = (0.04, 0.06, 0.1)) -> trimesh.Trimesh:

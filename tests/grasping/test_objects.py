@@ -8,17 +8,16 @@ import pytest
 import trimesh
 
 from graspcast.errors import ExtraMissingError, FormatError, InputError, UnknownNameError
-from graspcast.grasping import objects
-from graspcast.grasping.catalogue import read_catalogue
-from graspcast.grasping.decomposition import Decomposition
-from graspcast.grasping.objects import load_mesh, load_object, with_physics
-from graspcast.grasping.rest import rest_pose, stable_ups
-from graspcast.grasping.types import ConvexPiece, GraspObject, Primitive
 from graspcast.pose.transforms import quaternion, rotation_angle, rotation_from_quaternion
+from graspcast.simulation.objects.catalogue import read_catalogue
+from graspcast.simulation.objects.decomposition import Decomposition
+from graspcast.simulation.objects.load import load_mesh, load_object, with_physics
+from graspcast.simulation.objects.rest_pose import rest_pose, stable_ups
+from graspcast.simulation.objects.types import ConvexPiece, GraspObject, Primitive
 
 NAMES = list(read_catalogue())
 MUG = """
-[objects.mug]
+[load.mug]
 label = "my mug"
 mesh = "mug.stl"
 mass_kg = 0.3
@@ -143,7 +142,7 @@ def test_a_licence_that_forbids_and_a_package_that_is_missing(
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("mass_kg = 0.3", "mass_kg = 0", r"objects.mug: mass_kg is 0.0, and must be .* above zero"),
+        ("mass_kg = 0.3", "mass_kg = 0", r"load.mug: mass_kg is 0.0, and must be .* above zero"),
         ("friction = 0.6", "friction = -1", "friction is -1.0"),
         ("friction = 0.6", "friction = nan", "friction is nan"),
         ("mass_kg = 0.3", "mass_kg = 'heavy'", "mass_kg should be a number, not 'heavy'"),
@@ -157,8 +156,8 @@ def test_a_licence_that_forbids_and_a_package_that_is_missing(
         ("pieces = 1", "primitives = [{kind='cone', size_m=[1]}]", "kind is 'cone'; known: box"),
         ("pieces = 1", "primitives = [{kind='box', size_m=[1, 2]}]", "size_m should be 3"),
         ("pieces = 1", "primitives = [{kind='sphere', size_m=[0]}]", "size_m is"),
-        ("[objects.mug]", "[object.mug]", r"has no \[objects.NAME\] table"),
-        ("[objects.mug]", "[objects.mug", "is not TOML"),
+        ("[load.mug]", "[object.mug]", r"has no \[load.NAME\] table"),
+        ("[load.mug]", "[load.mug", "is not TOML"),
     ],
 )
 def test_a_catalogue_that_is_wrong(mug: Path, old: str, new: str, message: str) -> None:

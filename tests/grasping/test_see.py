@@ -26,9 +26,9 @@ from graspcast.grasping.pictures import save_film, save_strip, strip_states
 from graspcast.grasping.recording import Recording, record_trial
 from graspcast.grasping.render import SceneRenderer
 from graspcast.grasping.trial import TrialRunner
-from graspcast.grasping.types import Grasp
 from graspcast.grasping.viewer import replay
 from graspcast.pose.transforms import transform
+from graspcast.simulation.objects.types import Grasp
 
 SOURCE = Path(__file__).parents[2] / "src"
 SIZE = 96

@@ -12,8 +12,8 @@ from graspcast.errors import InputError
 from graspcast.grasping.grippers import FrankaHand
 from graspcast.grasping.stress import Stress, graded, stress
 from graspcast.grasping.trial import TrialRunner
-from graspcast.grasping.types import Grasp
 from graspcast.pose.transforms import transform
+from graspcast.simulation.objects.types import Grasp
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,8 @@ from solids import IDENTITY, box, cylinder, from_above, sphere
 from graspcast.errors import InputError
 from graspcast.grasping.grippers import TendonHand
 from graspcast.grasping.trial import TrialRunner
-from graspcast.grasping.types import Grasp, GraspObject
 from graspcast.pose.transforms import transform
+from graspcast.simulation.objects.types import Grasp, GraspObject
 
 DIGITS = ("thumb", "upper", "lower")
 

@@ -21,8 +21,8 @@ from graspcast.grasping import trial as trial_module
 from graspcast.grasping.grippers import FrankaHand, TendonHand, load_gripper
 from graspcast.grasping.scene import HAND, Scene
 from graspcast.grasping.trial import REASONS, Outcome, TrialRunner, TrialSettings
-from graspcast.grasping.types import Grasp, GraspObject, Primitive
 from graspcast.pose.transforms import exp, invert, transform
+from graspcast.simulation.objects.types import Grasp, GraspObject, Primitive
 
 HEIGHTS = {"parallel": 0.025, "underactuated": 0.005}
 GRIPPERS = sorted(HEIGHTS)

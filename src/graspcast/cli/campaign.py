@@ -125,11 +125,11 @@ def _pairs(
 def _simulate(options: argparse.Namespace) -> None:
     from graspcast.grasping.borrowed import borrowed_trials
     from graspcast.grasping.campaign import run_campaign
-    from graspcast.grasping.catalogue import read_catalogue
     from graspcast.grasping.grasps import read_grasps
     from graspcast.grasping.grippers import load_gripper
     from graspcast.grasping.guided import guided_trials
     from graspcast.grasping.work import load_pairs
+    from graspcast.simulation.objects.catalogue import read_catalogue
 
     wanted = options.objects
     if options.borrow is not None:

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from jaxtyping import Float
     from numpy import ndarray
 
-    from graspcast.grasping.catalogue import ObjectEntry
     from graspcast.grasping.recording import Recording
     from graspcast.grasping.trial import TrialRunner
+    from graspcast.simulation.objects.catalogue import ObjectEntry
 
 __all__ = ["add_verbs"]
 
@@ -128,13 +128,13 @@ def _watch(options: argparse.Namespace) -> None:
         from graspcast.grasping.viewer import check_display
 
         check_display()
-    from graspcast.grasping.catalogue import read_catalogue
     from graspcast.grasping.grasps import read_grasps
     from graspcast.grasping.grippers import load_gripper
-    from graspcast.grasping.objects import load_object
     from graspcast.grasping.pictures import describe, endings
     from graspcast.grasping.recording import record_trial
     from graspcast.grasping.trial import TrialRunner
+    from graspcast.simulation.objects.catalogue import read_catalogue
+    from graspcast.simulation.objects.load import load_object
 
     if options.out is not None and options.out.suffix.lower() not in endings():
         raise InputError(f"{options.out}: a trial is drawn to {', '.join(endings())}")
@@ -258,10 +258,10 @@ def _grasps(options: argparse.Namespace) -> None:
     from graspcast.grasping.gl import import_mujoco
 
     import_mujoco()
-    from graspcast.grasping.catalogue import read_catalogue
     from graspcast.grasping.contact_sheet import draw_cells, save_sheet
     from graspcast.grasping.grasps import read_grasps
     from graspcast.grasping.grippers import GRIPPERS, load_gripper
+    from graspcast.simulation.objects.catalogue import read_catalogue
 
     if options.out.suffix.lower() != ".png":
         raise InputError(f"{options.out}: a contact sheet is drawn to .png")

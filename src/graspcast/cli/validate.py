@@ -117,11 +117,11 @@ def _trials_of(options: argparse.Namespace) -> tuple[LabelledTrials, dict[str, P
 def _fit_grasp(options: argparse.Namespace) -> None:
     from dataclasses import asdict
 
-    from graspcast.grasping.catalogue import read_catalogue
     from graspcast.grasping.fit import SearchEffort, fit_grasp, report_grasp
     from graspcast.grasping.grasps import grasps_in, read_grasps, write_grasps
     from graspcast.grasping.grippers import load_gripper
-    from graspcast.grasping.objects import load_object
+    from graspcast.simulation.objects.catalogue import read_catalogue
+    from graspcast.simulation.objects.load import load_object
 
     trials, bop_dirs = _trials_of(options)
     gripper = load_gripper(options.gripper)

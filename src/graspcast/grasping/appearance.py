@@ -10,8 +10,8 @@ from numpy import ndarray
 
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.recording import State
-from graspcast.grasping.types import ConvexPiece, GraspObject
 from graspcast.pose.transforms import quaternion
+from graspcast.simulation.objects.types import ConvexPiece, GraspObject
 
 __all__ = ["FOVY_DEG", "Appearance"]
 

@@ -15,8 +15,8 @@ from numpy import ndarray
 
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.scene import HAND, Scene
-from graspcast.grasping.types import GraspObject
 from graspcast.pose.transforms import compose, exp, invert, transform
+from graspcast.simulation.objects.types import GraspObject
 
 __all__ = ["OpenHand", "propose", "surface_points", "vary"]
 

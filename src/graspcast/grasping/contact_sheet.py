@@ -12,15 +12,15 @@ from jaxtyping import UInt8
 from numpy import ndarray
 
 from graspcast.errors import ExtraMissingError, InputError
-from graspcast.grasping.catalogue import Catalogue, ObjectEntry
 from graspcast.grasping.grasps import GraspTable
 from graspcast.grasping.gripper import Gripper
-from graspcast.grasping.objects import BopDirectories, load_object
 from graspcast.grasping.pictures import describe, write_outcome
 from graspcast.grasping.recording import record_trial
 from graspcast.grasping.render import SceneRenderer
 from graspcast.grasping.trial import Outcome, TrialRunner
 from graspcast.sheet import FAINT, INK, blank, save_png, write
+from graspcast.simulation.objects.catalogue import Catalogue, ObjectEntry
+from graspcast.simulation.objects.load import BopDirectories, load_object
 
 __all__ = ["Cell", "draw_cells", "save_sheet"]
 

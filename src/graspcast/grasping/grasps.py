@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
-from graspcast.grasping.objects import with_physics
-from graspcast.grasping.types import Grasp, GraspObject
 from graspcast.io.files import write_text
 from graspcast.io.toml import TomlTable, read_toml
 from graspcast.pose.transforms import quaternion, rotation_from_quaternion, transform
+from graspcast.simulation.objects.load import with_physics
+from graspcast.simulation.objects.types import Grasp, GraspObject
 
 __all__ = ["GraspTable", "ReferenceGrasp", "grasps_in", "read_grasps", "write_grasps"]
 

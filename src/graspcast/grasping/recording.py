@@ -11,8 +11,8 @@ from numpy import ndarray
 
 from graspcast.errors import InputError
 from graspcast.grasping.trial import Outcome, TrialRunner
-from graspcast.grasping.types import Grasp
 from graspcast.pose.transforms import invert, rotation_angle, transform
+from graspcast.simulation.objects.types import Grasp
 
 __all__ = ["Recording", "State", "record_trial"]
 

@@ -12,8 +12,8 @@ from graspcast.grasping.appearance import FOVY_DEG, Appearance
 from graspcast.grasping.drawer import Drawer, open_drawer
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.recording import Recording, State
-from graspcast.grasping.types import GraspObject
 from graspcast.pose.transforms import transform_points
+from graspcast.simulation.objects.types import GraspObject
 
 __all__ = ["SceneRenderer", "View"]
 

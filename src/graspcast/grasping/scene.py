@@ -18,8 +18,8 @@ from graspcast.errors import MismatchError
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.scene_spec import ARM_STIFFNESS, scene_spec
 from graspcast.grasping.settings import TrialSettings
-from graspcast.grasping.types import ConvexPiece, GraspObject
 from graspcast.pose.transforms import invert, quaternion, rotation_from_quaternion
+from graspcast.simulation.objects.types import ConvexPiece, GraspObject
 
 __all__ = ["HAND", "OBJECT", "TABLE", "Scene", "Touch", "build_scene"]
 

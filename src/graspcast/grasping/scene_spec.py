@@ -15,8 +15,8 @@ import numpy as np
 
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.settings import TrialSettings
-from graspcast.grasping.types import ConvexPiece, GraspObject
 from graspcast.pose.transforms import quaternion
+from graspcast.simulation.objects.types import ConvexPiece, GraspObject
 
 __all__ = ["ARM_STIFFNESS", "scene_spec"]
 

@@ -13,8 +13,8 @@ from numpy import ndarray
 
 from graspcast.errors import InputError
 from graspcast.grasping.trial import Outcome, TrialRunner
-from graspcast.grasping.types import Grasp
 from graspcast.pose.transforms import exp
+from graspcast.simulation.objects.types import Grasp
 
 __all__ = ["Graded", "Stress", "StressOutcome", "graded", "stress"]
 

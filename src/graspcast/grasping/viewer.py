@@ -12,7 +12,7 @@ from graspcast.errors import ExtraMissingError, InputError
 from graspcast.grasping.appearance import Appearance
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.recording import Recording
-from graspcast.grasping.types import GraspObject
+from graspcast.simulation.objects.types import GraspObject
 
 __all__ = ["check_display", "replay"]
 

@@ -12,14 +12,14 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.grasping.catalogue import Catalogue
 from graspcast.grasping.grasps import GraspTable
 from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.grippers import load_gripper
-from graspcast.grasping.objects import BopDirectories, load_object
 from graspcast.grasping.requests import TrialRequests
 from graspcast.grasping.trial import Outcome, TrialRunner, TrialSettings
-from graspcast.grasping.types import Grasp, GraspObject
+from graspcast.simulation.objects.catalogue import Catalogue
+from graspcast.simulation.objects.load import BopDirectories, load_object
+from graspcast.simulation.objects.types import Grasp, GraspObject
 
 __all__ = ["Chunk", "Pair", "load_pairs", "run_chunk"]
 

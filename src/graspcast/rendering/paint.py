@@ -21,9 +21,9 @@ from scipy.spatial.distance import pdist
 from graspcast.bop.meshes import Mesh, write_mesh
 from graspcast.bop.units import millimetres
 from graspcast.errors import UnknownNameError
-from graspcast.grasping.catalogue import read_catalogue
-from graspcast.grasping.objects import load_mesh
 from graspcast.io.files import write_text
+from graspcast.simulation.objects.catalogue import read_catalogue
+from graspcast.simulation.objects.load import load_mesh
 
 __all__ = ["PAINTED", "paint", "write_painted_models"]
 

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from graspcast.errors import ExtraMissingError, InputError
-from graspcast.grasping.catalogue import Catalogue, ObjectEntry, read_catalogue
-from graspcast.grasping.decomposition import Decomposition, decompose
-from graspcast.grasping.meshes import Mesh, mass_properties, read_mesh
-from graspcast.grasping.rest import rest_pose
-from graspcast.grasping.types import GraspObject
+from graspcast.simulation.objects.catalogue import Catalogue, ObjectEntry, read_catalogue
+from graspcast.simulation.objects.decomposition import Decomposition, decompose
+from graspcast.simulation.objects.meshes import Mesh, mass_properties, read_mesh
+from graspcast.simulation.objects.rest_pose import rest_pose
+from graspcast.simulation.objects.types import GraspObject
 
 __all__ = ["load_mesh", "load_object", "with_physics"]
 

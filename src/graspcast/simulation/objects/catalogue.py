@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
-from graspcast.grasping.decomposition import Decomposition
-from graspcast.grasping.types import Primitive
 from graspcast.io.toml import TomlTable, read_toml
 from graspcast.pose.transforms import rotation_from_quaternion, transform
+from graspcast.simulation.objects.decomposition import Decomposition
+from graspcast.simulation.objects.types import Primitive
 
 __all__ = ["Catalogue", "ObjectEntry", "read_catalogue"]
 

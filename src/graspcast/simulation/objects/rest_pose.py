@@ -7,8 +7,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.grasping.types import ConvexPiece, Piece
 from graspcast.pose.transforms import rotation_from_vector, transform, transform_points
+from graspcast.simulation.objects.types import ConvexPiece, Piece
 
 __all__ = ["rest_pose", "stable_ups"]
 

@@ -18,8 +18,8 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.grasping.types import ConvexPiece
 from graspcast.io.files import atomic_write
+from graspcast.simulation.objects.types import ConvexPiece
 
 __all__ = ["Decomposition", "cache_directory", "convex_hull", "decompose"]
 
