@@ -22,8 +22,8 @@ import numpy as np
 
 from graspcast.grasping import trial
 from graspcast.grasping.conformance import test_column
-from graspcast.grasping.grippers import GRIPPERS, load_gripper
 from graspcast.pose.transforms import exp
+from graspcast.simulation.grippers import GRIPPERS, load_gripper
 from graspcast.simulation.objects.types import ConvexPiece, Grasp, GraspObject
 
 

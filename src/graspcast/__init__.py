@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     from graspcast.grasping.campaign import run_campaign
     from graspcast.grasping.conformance import check_gripper
     from graspcast.grasping.grasps import read_grasps
-    from graspcast.grasping.grippers import load_gripper
     from graspcast.grasping.guided import guided_trials
     from graspcast.grasping.trial import Outcome, TrialRunner
     from graspcast.grasping.work import load_pairs
@@ -59,6 +58,7 @@ if TYPE_CHECKING:
     from graspcast.perception.conformance import check_estimator
     from graspcast.perception.estimator import Estimator, built_in
     from graspcast.rendering.dataset import render_dataset
+    from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.load import load_object
     from graspcast.simulation.objects.types import Grasp, GraspObject
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.grasping.grasps import GraspTable, ReferenceGrasp, read_grasps, write_grasps
-from graspcast.grasping.grippers import load_gripper
 from graspcast.pose.transforms import exp
+from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.objects.catalogue import read_catalogue
 from graspcast.simulation.objects.load import load_object
 from graspcast.simulation.objects.types import Grasp

@@ -21,13 +21,13 @@ from graspcast.cli import main
 from graspcast.errors import ExtraMissingError
 from graspcast.grasping.appearance import Appearance
 from graspcast.grasping.grasps import ReferenceGrasp, write_grasps
-from graspcast.grasping.grippers import load_gripper
 from graspcast.grasping.pictures import save_film, save_strip, strip_states
 from graspcast.grasping.recording import Recording, record_trial
 from graspcast.grasping.render import SceneRenderer
 from graspcast.grasping.trial import TrialRunner
 from graspcast.grasping.viewer import replay
 from graspcast.pose.transforms import transform
+from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.objects.types import Grasp
 
 SOURCE = Path(__file__).parents[2] / "src"

@@ -9,10 +9,10 @@ import pytest
 from solids import IDENTITY, box, from_above
 
 from graspcast.errors import InputError
-from graspcast.grasping.grippers import FrankaHand
 from graspcast.grasping.stress import Stress, graded, stress
 from graspcast.grasping.trial import TrialRunner
 from graspcast.pose.transforms import transform
+from graspcast.simulation.grippers import FrankaHand
 from graspcast.simulation.objects.types import Grasp
 
 

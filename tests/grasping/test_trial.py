@@ -18,10 +18,10 @@ from solids import IDENTITY, box, cylinder, errors, from_above, raised, sphere
 
 from graspcast.errors import InputError, MismatchError
 from graspcast.grasping import trial as trial_module
-from graspcast.grasping.grippers import FrankaHand, TendonHand, load_gripper
 from graspcast.grasping.scene import HAND, Scene
 from graspcast.grasping.trial import REASONS, Outcome, TrialRunner, TrialSettings
 from graspcast.pose.transforms import exp, invert, transform
+from graspcast.simulation.grippers import FrankaHand, TendonHand, load_gripper
 from graspcast.simulation.objects.types import Grasp, GraspObject, Primitive
 
 HEIGHTS = {"parallel": 0.025, "underactuated": 0.005}

@@ -75,7 +75,7 @@ def add_verbs(verbs: Verbs) -> None:
 def _check_gripper(options: argparse.Namespace) -> None:
     from graspcast.errors import InputError
     from graspcast.grasping.conformance import check_gripper
-    from graspcast.grasping.grippers import load_gripper
+    from graspcast.simulation.grippers import load_gripper
 
     report = check_gripper(load_gripper(options.gripper))
     print_text(str(report))
@@ -126,9 +126,9 @@ def _simulate(options: argparse.Namespace) -> None:
     from graspcast.grasping.borrowed import borrowed_trials
     from graspcast.grasping.campaign import run_campaign
     from graspcast.grasping.grasps import read_grasps
-    from graspcast.grasping.grippers import load_gripper
     from graspcast.grasping.guided import guided_trials
     from graspcast.grasping.work import load_pairs
+    from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.catalogue import read_catalogue
 
     wanted = options.objects

@@ -77,7 +77,7 @@ def _demo(options: argparse.Namespace) -> int:
     from graspcast.grasping.gl import import_mujoco
 
     import_mujoco()
-    from graspcast.grasping.grippers import load_gripper
+    from graspcast.simulation.grippers import load_gripper
 
     began = time.monotonic()
     dataset = BopDataset(options.data) if options.data else demo_dataset()

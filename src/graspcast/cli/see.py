@@ -129,10 +129,10 @@ def _watch(options: argparse.Namespace) -> None:
 
         check_display()
     from graspcast.grasping.grasps import read_grasps
-    from graspcast.grasping.grippers import load_gripper
     from graspcast.grasping.pictures import describe, endings
     from graspcast.grasping.recording import record_trial
     from graspcast.grasping.trial import TrialRunner
+    from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.catalogue import read_catalogue
     from graspcast.simulation.objects.load import load_object
 
@@ -260,7 +260,7 @@ def _grasps(options: argparse.Namespace) -> None:
     import_mujoco()
     from graspcast.grasping.contact_sheet import draw_cells, save_sheet
     from graspcast.grasping.grasps import read_grasps
-    from graspcast.grasping.grippers import GRIPPERS, load_gripper
+    from graspcast.simulation.grippers import GRIPPERS, load_gripper
     from graspcast.simulation.objects.catalogue import read_catalogue
 
     if options.out.suffix.lower() != ".png":

@@ -119,7 +119,7 @@ def _fit_grasp(options: argparse.Namespace) -> None:
 
     from graspcast.grasping.fit import SearchEffort, fit_grasp, report_grasp
     from graspcast.grasping.grasps import grasps_in, read_grasps, write_grasps
-    from graspcast.grasping.grippers import load_gripper
+    from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.catalogue import read_catalogue
     from graspcast.simulation.objects.load import load_object
 

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.recording import State
 from graspcast.pose.transforms import quaternion
+from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import ConvexPiece, GraspObject
 
 __all__ = ["FOVY_DEG", "Appearance"]

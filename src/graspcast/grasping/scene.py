@@ -15,10 +15,10 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import MismatchError
-from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.scene_spec import ARM_STIFFNESS, scene_spec
 from graspcast.grasping.settings import TrialSettings
 from graspcast.pose.transforms import invert, quaternion, rotation_from_quaternion
+from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import ConvexPiece, GraspObject
 
 __all__ = ["HAND", "OBJECT", "TABLE", "Scene", "Touch", "build_scene"]

@@ -13,9 +13,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.settings import TrialSettings
 from graspcast.pose.transforms import quaternion
+from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import ConvexPiece, GraspObject
 
 __all__ = ["ARM_STIFFNESS", "scene_spec"]

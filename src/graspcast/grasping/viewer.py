@@ -10,8 +10,8 @@ from typing import Any
 
 from graspcast.errors import ExtraMissingError, InputError
 from graspcast.grasping.appearance import Appearance
-from graspcast.grasping.gripper import Gripper
 from graspcast.grasping.recording import Recording
+from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import GraspObject
 
 __all__ = ["check_display", "replay"]

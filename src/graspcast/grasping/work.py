@@ -13,10 +13,10 @@ from numpy import ndarray
 
 from graspcast.errors import InputError
 from graspcast.grasping.grasps import GraspTable
-from graspcast.grasping.gripper import Gripper
-from graspcast.grasping.grippers import load_gripper
 from graspcast.grasping.requests import TrialRequests
 from graspcast.grasping.trial import Outcome, TrialRunner, TrialSettings
+from graspcast.simulation.grippers import load_gripper
+from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.catalogue import Catalogue
 from graspcast.simulation.objects.load import BopDirectories, load_object
 from graspcast.simulation.objects.types import Grasp, GraspObject

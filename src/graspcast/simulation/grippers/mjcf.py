@@ -13,7 +13,7 @@
     open = { drive = 0.0 }         # one entry for each actuator of the model
     close = { drive = 0.04 }
 
-    [equilibrium]                  # optional, see graspcast.grasping.gripper.Equilibrium
+    [equilibrium]                  # optional, see graspcast.simulation.grippers.protocol.Equilibrium
     limit_s = 3.0
 """
 
@@ -29,8 +29,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
-from graspcast.grasping.gripper import Closing, Equilibrium
 from graspcast.pose.transforms import transform
+from graspcast.simulation.grippers.protocol import Closing, Equilibrium
 
 __all__ = ["MjcfGripper"]
 

@@ -17,8 +17,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.grasping.gripper import Closing, Equilibrium
 from graspcast.pose.transforms import transform
+from graspcast.simulation.grippers.protocol import Closing, Equilibrium
 
 __all__ = ["TendonHand"]
 

@@ -7,10 +7,10 @@ from os import PathLike
 from pathlib import Path
 
 from graspcast.errors import UnknownNameError
-from graspcast.grasping.gripper import Gripper
-from graspcast.grasping.grippers.franka import FrankaHand
-from graspcast.grasping.grippers.mjcf import MjcfGripper
-from graspcast.grasping.grippers.tendon_hand import TendonHand
+from graspcast.simulation.grippers.franka import FrankaHand
+from graspcast.simulation.grippers.mjcf import MjcfGripper
+from graspcast.simulation.grippers.protocol import Gripper
+from graspcast.simulation.grippers.tendon_hand import TendonHand
 
 __all__ = ["GRIPPERS", "FrankaHand", "MjcfGripper", "TendonHand", "load_gripper"]
 
