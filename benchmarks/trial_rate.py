@@ -20,11 +20,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from graspcast.grasping import trial
-from graspcast.grasping.conformance import test_column
 from graspcast.pose.transforms import exp
 from graspcast.simulation.grippers import GRIPPERS, load_gripper
 from graspcast.simulation.objects.types import ConvexPiece, Grasp, GraspObject
+from graspcast.simulation.trial import trial
+from graspcast.simulation.trial.gripper_conformance import test_column
 
 
 class Stopwatch:

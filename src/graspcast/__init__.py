@@ -43,10 +43,8 @@ if TYPE_CHECKING:
         write_verdicts,
     )
     from graspcast.grasping.campaign import run_campaign
-    from graspcast.grasping.conformance import check_gripper
     from graspcast.grasping.grasps import read_grasps
     from graspcast.grasping.guided import guided_trials
-    from graspcast.grasping.trial import Outcome, TrialRunner
     from graspcast.grasping.work import load_pairs
     from graspcast.guarantees.certificate import Promise, Promises
     from graspcast.guarantees.certify import certify
@@ -61,6 +59,8 @@ if TYPE_CHECKING:
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.load import load_object
     from graspcast.simulation.objects.types import Grasp, GraspObject
+    from graspcast.simulation.trial.gripper_conformance import check_gripper
+    from graspcast.simulation.trial.trial import Outcome, TrialRunner
 
 _HOME = {
     "bop.dataset": ("BopDataset", "GroundTruth"),

@@ -15,10 +15,10 @@ from graspcast.grasping.fit import SearchEffort, fit_grasp, jitter_held, report_
 from graspcast.grasping.labelled import LabelledTrials
 from graspcast.grasping.requests import TrialRequests
 from graspcast.grasping.sample import FittedTrials
-from graspcast.grasping.trial import TrialRunner
 from graspcast.pose.transforms import exp, invert, transform_points
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.objects.types import Grasp, GraspObject
+from graspcast.simulation.trial.trial import TrialRunner
 
 SMALL = SearchEffort(proposals=60, racers=6, children=3, first=6, last=24, choose=24)
 HANDS = ("parallel", "underactuated")

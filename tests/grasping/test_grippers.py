@@ -15,12 +15,12 @@ import pytest
 from solids import IDENTITY, box, from_above
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
-from graspcast.grasping.conformance import check_gripper
-from graspcast.grasping.trial import TrialRunner
 from graspcast.pose.transforms import transform
 from graspcast.simulation.grippers import GRIPPERS, FrankaHand, TendonHand, load_gripper
 from graspcast.simulation.grippers.protocol import Closing, Equilibrium, Gripper, gripper_digest
 from graspcast.simulation.objects.types import Grasp
+from graspcast.simulation.trial.gripper_conformance import check_gripper
+from graspcast.simulation.trial.trial import TrialRunner
 
 THREE_JAW = Path(__file__).parent / "data" / "three_jaw.toml"
 

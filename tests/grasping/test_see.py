@@ -22,13 +22,13 @@ from graspcast.errors import ExtraMissingError
 from graspcast.grasping.appearance import Appearance
 from graspcast.grasping.grasps import ReferenceGrasp, write_grasps
 from graspcast.grasping.pictures import save_film, save_strip, strip_states
-from graspcast.grasping.recording import Recording, record_trial
 from graspcast.grasping.render import SceneRenderer
-from graspcast.grasping.trial import TrialRunner
 from graspcast.grasping.viewer import replay
 from graspcast.pose.transforms import transform
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.objects.types import Grasp
+from graspcast.simulation.trial.recording import Recording, record_trial
+from graspcast.simulation.trial.trial import TrialRunner
 
 SOURCE = Path(__file__).parents[2] / "src"
 SIZE = 96

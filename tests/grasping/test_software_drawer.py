@@ -12,10 +12,10 @@ from solids import box
 from graspcast.grasping.appearance import Appearance
 from graspcast.grasping.drawer import Drawer, open_drawer, why_software
 from graspcast.grasping.gl_drawer import OpenGLDrawer
-from graspcast.grasping.recording import State
 from graspcast.grasping.software_drawer import SoftwareDrawer
 from graspcast.pose.transforms import rotation_from_vector, transform
 from graspcast.simulation.grippers import load_gripper
+from graspcast.simulation.trial.recording import State
 
 WIDTH, HEIGHT = 160, 120
 SHAPES = """

@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 import pytest
+from graspcast.grasping.stress import Stress, graded, stress
 from solids import IDENTITY, box, from_above
 
 from graspcast.errors import InputError
-from graspcast.grasping.stress import Stress, graded, stress
-from graspcast.grasping.trial import TrialRunner
 from graspcast.pose.transforms import transform
 from graspcast.simulation.grippers import FrankaHand
 from graspcast.simulation.objects.types import Grasp
+from graspcast.simulation.trial.trial import TrialRunner
 
 
 @pytest.fixture(scope="module")

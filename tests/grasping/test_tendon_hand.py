@@ -10,10 +10,10 @@ import pytest
 from solids import IDENTITY, box, cylinder, from_above, sphere
 
 from graspcast.errors import InputError
-from graspcast.grasping.trial import TrialRunner
 from graspcast.pose.transforms import transform
 from graspcast.simulation.grippers import TendonHand
 from graspcast.simulation.objects.types import Grasp, GraspObject
+from graspcast.simulation.trial.trial import TrialRunner
 
 DIGITS = ("thumb", "upper", "lower")
 

@@ -17,12 +17,12 @@ from numpy import ndarray
 from solids import IDENTITY, box, cylinder, errors, from_above, raised, sphere
 
 from graspcast.errors import InputError, MismatchError
-from graspcast.grasping import trial as trial_module
-from graspcast.grasping.scene import HAND, Scene
-from graspcast.grasping.trial import REASONS, Outcome, TrialRunner, TrialSettings
 from graspcast.pose.transforms import exp, invert, transform
 from graspcast.simulation.grippers import FrankaHand, TendonHand, load_gripper
 from graspcast.simulation.objects.types import Grasp, GraspObject, Primitive
+from graspcast.simulation.trial import trial as trial_module
+from graspcast.simulation.trial.scene import HAND, Scene
+from graspcast.simulation.trial.trial import REASONS, Outcome, TrialRunner, TrialSettings
 
 HEIGHTS = {"parallel": 0.025, "underactuated": 0.005}
 GRIPPERS = sorted(HEIGHTS)

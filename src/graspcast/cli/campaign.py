@@ -74,8 +74,8 @@ def add_verbs(verbs: Verbs) -> None:
 
 def _check_gripper(options: argparse.Namespace) -> None:
     from graspcast.errors import InputError
-    from graspcast.grasping.conformance import check_gripper
     from graspcast.simulation.grippers import load_gripper
+    from graspcast.simulation.trial.gripper_conformance import check_gripper
 
     report = check_gripper(load_gripper(options.gripper))
     print_text(str(report))

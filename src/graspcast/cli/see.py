@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from jaxtyping import Float
     from numpy import ndarray
 
-    from graspcast.grasping.recording import Recording
-    from graspcast.grasping.trial import TrialRunner
     from graspcast.simulation.objects.catalogue import ObjectEntry
+    from graspcast.simulation.trial.recording import Recording
+    from graspcast.simulation.trial.trial import TrialRunner
 
 __all__ = ["add_verbs"]
 
@@ -130,11 +130,11 @@ def _watch(options: argparse.Namespace) -> None:
         check_display()
     from graspcast.grasping.grasps import read_grasps
     from graspcast.grasping.pictures import describe, endings
-    from graspcast.grasping.recording import record_trial
-    from graspcast.grasping.trial import TrialRunner
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.catalogue import read_catalogue
     from graspcast.simulation.objects.load import load_object
+    from graspcast.simulation.trial.recording import record_trial
+    from graspcast.simulation.trial.trial import TrialRunner
 
     if options.out is not None and options.out.suffix.lower() not in endings():
         raise InputError(f"{options.out}: a trial is drawn to {', '.join(endings())}")

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.grasping.recording import State
 from graspcast.pose.transforms import quaternion
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import ConvexPiece, GraspObject
+from graspcast.simulation.trial.recording import State
 
 __all__ = ["FOVY_DEG", "Appearance"]
 

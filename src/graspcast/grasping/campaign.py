@@ -23,8 +23,8 @@ from graspcast.grasping.card import write_card
 from graspcast.grasping.executors import Executor, LocalExecutor
 from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
 from graspcast.grasping.store import COLUMNS, Store
-from graspcast.grasping.trial import Outcome
 from graspcast.grasping.work import Chunk, Pair
+from graspcast.simulation.trial.trial import Outcome
 
 __all__ = ["Progress", "run_campaign"]
 

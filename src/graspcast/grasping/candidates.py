@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from graspcast.grasping.scene import HAND, Scene
 from graspcast.pose.transforms import compose, exp, invert, transform
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import GraspObject
+from graspcast.simulation.trial.scene import HAND, Scene
 
 __all__ = ["OpenHand", "propose", "surface_points", "vary"]
 

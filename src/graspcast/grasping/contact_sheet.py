@@ -14,13 +14,13 @@ from numpy import ndarray
 from graspcast.errors import ExtraMissingError, InputError
 from graspcast.grasping.grasps import GraspTable
 from graspcast.grasping.pictures import describe, write_outcome
-from graspcast.grasping.recording import record_trial
 from graspcast.grasping.render import SceneRenderer
-from graspcast.grasping.trial import Outcome, TrialRunner
 from graspcast.sheet import FAINT, INK, blank, save_png, write
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.catalogue import Catalogue, ObjectEntry
 from graspcast.simulation.objects.load import BopDirectories, load_object
+from graspcast.simulation.trial.recording import record_trial
+from graspcast.simulation.trial.trial import Outcome, TrialRunner
 
 __all__ = ["Cell", "draw_cells", "save_sheet"]
 

@@ -22,11 +22,11 @@ from graspcast.grasping.agreement import Agreement, agreement
 from graspcast.grasping.candidates import OpenHand, propose, surface_points, vary
 from graspcast.grasping.grasps import ReferenceGrasp
 from graspcast.grasping.sample import FittedTrials, StratifiedSample
-from graspcast.grasping.trial import TrialRunner, TrialSettings
 from graspcast.pose.transforms import exp, invert, transform_points
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.load import with_physics
 from graspcast.simulation.objects.types import Grasp, GraspObject
+from graspcast.simulation.trial.trial import TrialRunner, TrialSettings
 
 __all__ = [
     "FittedGrasp",

@@ -12,11 +12,11 @@ from jaxtyping import UInt8
 from numpy import ndarray
 
 from graspcast.errors import ExtraMissingError, InputError
-from graspcast.grasping.recording import Recording, State
 from graspcast.grasping.render import SceneRenderer
-from graspcast.grasping.trial import Outcome
 from graspcast.io.files import atomic_write
 from graspcast.sheet import BAD, FAINT, GOOD, INK, blank, save_png, write
+from graspcast.simulation.trial.recording import Recording, State
+from graspcast.simulation.trial.trial import Outcome
 
 __all__ = ["describe", "endings", "save_film", "save_strip", "strip_states"]
 

@@ -10,10 +10,10 @@ from numpy import ndarray
 
 from graspcast.grasping.appearance import FOVY_DEG, Appearance
 from graspcast.grasping.drawer import Drawer, open_drawer
-from graspcast.grasping.recording import Recording, State
 from graspcast.pose.transforms import transform_points
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import GraspObject
+from graspcast.simulation.trial.recording import Recording, State
 
 __all__ = ["SceneRenderer", "View"]
 

@@ -10,9 +10,9 @@ from typing import Any
 
 from graspcast.errors import ExtraMissingError, InputError
 from graspcast.grasping.appearance import Appearance
-from graspcast.grasping.recording import Recording
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import GraspObject
+from graspcast.simulation.trial.recording import Recording
 
 __all__ = ["check_display", "replay"]
 

@@ -14,12 +14,12 @@ from numpy import ndarray
 from graspcast.errors import InputError
 from graspcast.grasping.grasps import GraspTable
 from graspcast.grasping.requests import TrialRequests
-from graspcast.grasping.trial import Outcome, TrialRunner, TrialSettings
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.catalogue import Catalogue
 from graspcast.simulation.objects.load import BopDirectories, load_object
 from graspcast.simulation.objects.types import Grasp, GraspObject
+from graspcast.simulation.trial.trial import Outcome, TrialRunner, TrialSettings
 
 __all__ = ["Chunk", "Pair", "load_pairs", "run_chunk"]
 

@@ -71,7 +71,7 @@ class Equilibrium:
 class Gripper(Protocol):
     """A gripper: its model, where it is mounted, its tool centre point and how it is commanded.
 
-    ``graspcast.grasping.conformance.check_gripper`` tells whether an object is one.
+    ``graspcast.simulation.trial.gripper_conformance.check_gripper`` tells whether an object is one.
     """
 
     @property

@@ -15,11 +15,11 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import MismatchError
-from graspcast.grasping.scene_spec import ARM_STIFFNESS, scene_spec
-from graspcast.grasping.settings import TrialSettings
 from graspcast.pose.transforms import invert, quaternion, rotation_from_quaternion
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import ConvexPiece, GraspObject
+from graspcast.simulation.trial.scene_spec import ARM_STIFFNESS, scene_spec
+from graspcast.simulation.trial.settings import TrialSettings
 
 __all__ = ["HAND", "OBJECT", "TABLE", "Scene", "Touch", "build_scene"]
 

@@ -16,12 +16,12 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import MismatchError
-from graspcast.grasping.certainty import Steadiness, beyond_reach, left_behind_m
-from graspcast.grasping.scene import Scene, build_scene
-from graspcast.grasping.settings import TrialSettings
 from graspcast.pose.transforms import compose, invert
 from graspcast.simulation.grippers.protocol import Gripper, gripper_digest
 from graspcast.simulation.objects.types import ConvexPiece, Grasp, GraspObject, check_rigid
+from graspcast.simulation.trial.early_stopping import Steadiness, beyond_reach, left_behind_m
+from graspcast.simulation.trial.scene import Scene, build_scene
+from graspcast.simulation.trial.settings import TrialSettings
 
 __all__ = ["REASONS", "Outcome", "Reason", "Record", "TrialRunner", "TrialSettings"]
 

@@ -10,9 +10,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.grasping.trial import Outcome, TrialRunner
 from graspcast.pose.transforms import invert, rotation_angle, transform
 from graspcast.simulation.objects.types import Grasp
+from graspcast.simulation.trial.trial import Outcome, TrialRunner
 
 __all__ = ["Recording", "State", "record_trial"]
 

@@ -10,11 +10,11 @@ import mujoco
 import numpy as np
 
 from graspcast.errors import GraspcastError
-from graspcast.grasping.scene import Scene
-from graspcast.grasping.trial import Outcome, TrialRunner
 from graspcast.io.conformance import Check, Report, UnmetError
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import Grasp, GraspObject, Primitive, check_rigid
+from graspcast.simulation.trial.scene import Scene
+from graspcast.simulation.trial.trial import Outcome, TrialRunner
 
 __all__ = ["GripperReport", "check_gripper", "test_column"]
 

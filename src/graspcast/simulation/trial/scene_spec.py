@@ -13,10 +13,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from graspcast.grasping.settings import TrialSettings
 from graspcast.pose.transforms import quaternion
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import ConvexPiece, GraspObject
+from graspcast.simulation.trial.settings import TrialSettings
 
 __all__ = ["ARM_STIFFNESS", "scene_spec"]
 

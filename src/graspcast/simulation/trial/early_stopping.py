@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.grasping.scene import Scene, Touch
+from graspcast.simulation.trial.scene import Scene, Touch
 
 __all__ = ["Steadiness", "beyond_reach", "left_behind_m"]
 
