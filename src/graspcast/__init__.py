@@ -43,7 +43,6 @@ if TYPE_CHECKING:
         write_verdicts,
     )
     from graspcast.grasping.campaign import run_campaign
-    from graspcast.grasping.grasps import read_grasps
     from graspcast.grasping.guided import guided_trials
     from graspcast.grasping.work import load_pairs
     from graspcast.guarantees.certificate import Promise, Promises
@@ -56,6 +55,7 @@ if TYPE_CHECKING:
     from graspcast.perception.conformance import check_estimator
     from graspcast.perception.estimator import Estimator, built_in
     from graspcast.rendering.dataset import render_dataset
+    from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.load import load_object
     from graspcast.simulation.objects.types import Grasp, GraspObject

@@ -14,10 +14,10 @@ import polars as pl
 from graspcast.errors import GraspcastError
 from graspcast.grasping.campaign import run_campaign
 from graspcast.grasping.executors import LocalExecutor
-from graspcast.grasping.grasps import read_grasps
 from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
 from graspcast.grasping.work import load_pairs
 from graspcast.pose.transforms import exp
+from graspcast.simulation.grasps.table import read_grasps
 
 
 def make_requests(count: int, grippers: tuple[str, ...] = ("parallel",)) -> TrialRequests:

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from sklearn.metrics import accuracy_score, cohen_kappa_score
 
 from graspcast.errors import InputError
-from graspcast.grasping.agreement import agreement
-from graspcast.grasping.sample import FittedTrials, StratifiedSample
+from graspcast.simulation.grasps.agreement import agreement
+from graspcast.simulation.grasps.sampling import FittedTrials, StratifiedSample
 
 pairs = st.lists(st.tuples(st.booleans(), st.booleans()), min_size=2, max_size=60)
 

@@ -27,10 +27,10 @@ from graspcast.errors import (
 )
 from graspcast.grasping.campaign import Progress, run_campaign
 from graspcast.grasping.executors import LocalExecutor, usable_cores
-from graspcast.grasping.grasps import read_grasps
 from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
 from graspcast.grasping.store import COLUMNS, Store
 from graspcast.grasping.work import Pair, load_pairs
+from graspcast.simulation.grasps.table import read_grasps
 from graspcast.simulation.trial.trial import TrialSettings
 
 SCRIPT = Path(__file__).with_name("campaign_script.py")

@@ -10,12 +10,18 @@ from numpy import ndarray
 from solids import box
 
 from graspcast.errors import InputError
-from graspcast.grasping.candidates import OpenHand, propose, surface_points, vary
-from graspcast.grasping.fit import SearchEffort, fit_grasp, jitter_held, report_grasp, simulated
-from graspcast.grasping.labelled import LabelledTrials
 from graspcast.grasping.requests import TrialRequests
-from graspcast.grasping.sample import FittedTrials
 from graspcast.pose.transforms import exp, invert, transform_points
+from graspcast.simulation.grasps.observed_trials import LabelledTrials
+from graspcast.simulation.grasps.proposals import OpenHand, propose, surface_points, vary
+from graspcast.simulation.grasps.sampling import FittedTrials
+from graspcast.simulation.grasps.search import (
+    SearchEffort,
+    fit_grasp,
+    jitter_held,
+    report_grasp,
+    simulated,
+)
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.objects.types import Grasp, GraspObject
 from graspcast.simulation.trial.trial import TrialRunner

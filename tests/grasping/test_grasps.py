@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
-from graspcast.grasping.grasps import GraspTable, ReferenceGrasp, read_grasps, write_grasps
 from graspcast.pose.transforms import exp
+from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp, read_grasps, write_grasps
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.objects.catalogue import read_catalogue
 from graspcast.simulation.objects.load import load_object

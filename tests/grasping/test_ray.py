@@ -12,8 +12,8 @@ import graspcast.errors
 from graspcast.errors import ExtraMissingError
 from graspcast.grasping.campaign import Progress, run_campaign
 from graspcast.grasping.executors import LocalExecutor, RayExecutor
-from graspcast.grasping.grasps import read_grasps
 from graspcast.grasping.work import load_pairs
+from graspcast.simulation.grasps.table import read_grasps
 
 # Ray itself leaves sockets and processes to the garbage collector.
 pytestmark = [

@@ -6,11 +6,11 @@ import numpy as np
 import polars as pl
 import pytest
 
-from graspcast.grasping.grasps import GraspTable, ReferenceGrasp
-from graspcast.grasping.labelled import LabelledTrials
 from graspcast.grasping.requests import TrialRequests
 from graspcast.paper.tables import paper_tables
 from graspcast.paper.validation import compare, render_cells, render_table1
+from graspcast.simulation.grasps.observed_trials import LabelledTrials
+from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp
 from graspcast.simulation.objects.types import Grasp
 
 HANDS = ("parallel", "underactuated")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
     from graspcast.grasping.campaign import Progress
     from graspcast.grasping.executors import Executor
-    from graspcast.grasping.grasps import GraspTable
+    from graspcast.simulation.grasps.table import GraspTable
 
 __all__ = ["add_verbs", "words_of"]
 
@@ -125,9 +125,9 @@ def _pairs(
 def _simulate(options: argparse.Namespace) -> None:
     from graspcast.grasping.borrowed import borrowed_trials
     from graspcast.grasping.campaign import run_campaign
-    from graspcast.grasping.grasps import read_grasps
     from graspcast.grasping.guided import guided_trials
     from graspcast.grasping.work import load_pairs
+    from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.catalogue import read_catalogue
 

@@ -111,7 +111,7 @@ def _told(command: list[str], data: str) -> str:
 
 
 def _check(dataset: BopDataset, gripper: str) -> None:
-    from graspcast.grasping.grasps import read_grasps
+    from graspcast.simulation.grasps.table import read_grasps
 
     boxes, known = dataset.root / _BOXES, read_grasps()
     if not boxes.is_file():

@@ -128,8 +128,8 @@ def _watch(options: argparse.Namespace) -> None:
         from graspcast.grasping.viewer import check_display
 
         check_display()
-    from graspcast.grasping.grasps import read_grasps
     from graspcast.grasping.pictures import describe, endings
+    from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.catalogue import read_catalogue
     from graspcast.simulation.objects.load import load_object
@@ -259,7 +259,7 @@ def _grasps(options: argparse.Namespace) -> None:
 
     import_mujoco()
     from graspcast.grasping.contact_sheet import draw_cells, save_sheet
-    from graspcast.grasping.grasps import read_grasps
+    from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import GRIPPERS, load_gripper
     from graspcast.simulation.objects.catalogue import read_catalogue
 

@@ -21,7 +21,7 @@ from graspcast.cli.options import (
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:
-    from graspcast.grasping.labelled import LabelledTrials
+    from graspcast.simulation.grasps.observed_trials import LabelledTrials
 
 __all__ = ["add_verbs"]
 
@@ -83,8 +83,8 @@ def add_verbs(verbs: Verbs) -> None:
 
 def _published_trials(directory: Path) -> tuple[LabelledTrials, dict[str, Path]]:
     from graspcast.bop.results import read_results
-    from graspcast.grasping.labelled import labelled_trials
     from graspcast.paper.dataset import DATASETS, ESTIMATORS, Published
+    from graspcast.simulation.grasps.observed_trials import labelled_trials
 
     data = Published(directory)
     # The paper's tables count placeholders for 'nothing found' as estimates.
@@ -99,7 +99,7 @@ def _published_trials(directory: Path) -> tuple[LabelledTrials, dict[str, Path]]
 def _trials_of(options: argparse.Namespace) -> tuple[LabelledTrials, dict[str, Path]]:
     """The trials that the options name, and the datasets' BOP directories."""
     from graspcast.estimates.loading import load_outcomes
-    from graspcast.grasping.labelled import labelled_trials
+    from graspcast.simulation.grasps.observed_trials import labelled_trials
 
     if options.data is not None:
         return _published_trials(options.data)
@@ -117,8 +117,8 @@ def _trials_of(options: argparse.Namespace) -> tuple[LabelledTrials, dict[str, P
 def _fit_grasp(options: argparse.Namespace) -> None:
     from dataclasses import asdict
 
-    from graspcast.grasping.fit import SearchEffort, fit_grasp, report_grasp
-    from graspcast.grasping.grasps import grasps_in, read_grasps, write_grasps
+    from graspcast.simulation.grasps.search import SearchEffort, fit_grasp, report_grasp
+    from graspcast.simulation.grasps.table import grasps_in, read_grasps, write_grasps
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.catalogue import read_catalogue
     from graspcast.simulation.objects.load import load_object
@@ -156,10 +156,10 @@ def _fit_grasp(options: argparse.Namespace) -> None:
 def _validate_sim(options: argparse.Namespace) -> None:
     from graspcast.grasping.campaign import run_campaign
     from graspcast.grasping.executors import LocalExecutor
-    from graspcast.grasping.fit import jitter_held
-    from graspcast.grasping.grasps import read_grasps
     from graspcast.grasping.work import load_pairs
     from graspcast.paper.validation import compare, render_cells, render_table1
+    from graspcast.simulation.grasps.search import jitter_held
+    from graspcast.simulation.grasps.table import read_grasps
 
     trials, bop_dirs = _published_trials(options.data)
     grasps = read_grasps(options.grasps)

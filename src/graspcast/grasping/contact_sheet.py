@@ -12,10 +12,10 @@ from jaxtyping import UInt8
 from numpy import ndarray
 
 from graspcast.errors import ExtraMissingError, InputError
-from graspcast.grasping.grasps import GraspTable
 from graspcast.grasping.pictures import describe, write_outcome
 from graspcast.grasping.render import SceneRenderer
 from graspcast.sheet import FAINT, INK, blank, save_png, write
+from graspcast.simulation.grasps.table import GraspTable
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.catalogue import Catalogue, ObjectEntry
 from graspcast.simulation.objects.load import BopDirectories, load_object

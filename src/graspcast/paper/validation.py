@@ -10,13 +10,13 @@ import numpy as np
 import polars as pl
 
 from graspcast.estimates.image_split import PARTS
-from graspcast.grasping.agreement import agreement
-from graspcast.grasping.grasps import GraspTable
-from graspcast.grasping.labelled import LabelledTrials
 from graspcast.grasping.requests import KEY_COLUMNS
 from graspcast.io.markdown import table
 from graspcast.paper.dataset import ESTIMATORS, GRIPPERS, OBJECTS
 from graspcast.paper.tables import paper_tables, table1
+from graspcast.simulation.grasps.agreement import agreement
+from graspcast.simulation.grasps.observed_trials import LabelledTrials
+from graspcast.simulation.grasps.table import GraspTable
 
 __all__ = ["compare", "render_cells", "render_table1", "summary"]
 

@@ -18,11 +18,11 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.grasping.agreement import Agreement, agreement
-from graspcast.grasping.candidates import OpenHand, propose, surface_points, vary
-from graspcast.grasping.grasps import ReferenceGrasp
-from graspcast.grasping.sample import FittedTrials, StratifiedSample
 from graspcast.pose.transforms import exp, invert, transform_points
+from graspcast.simulation.grasps.agreement import Agreement, agreement
+from graspcast.simulation.grasps.proposals import OpenHand, propose, surface_points, vary
+from graspcast.simulation.grasps.sampling import FittedTrials, StratifiedSample
+from graspcast.simulation.grasps.table import ReferenceGrasp
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.load import with_physics
 from graspcast.simulation.objects.types import Grasp, GraspObject

@@ -16,7 +16,7 @@ from graspcast.errors import InputError, UnknownNameError
 from graspcast.estimates.image_split import Part, frames_of, part_of
 from graspcast.grasping.guided import guided_trials
 from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
-from graspcast.grasping.sample import FittedTrials
+from graspcast.simulation.grasps.sampling import FittedTrials
 
 __all__ = ["LabelledTrials", "labelled_trials"]
 
