@@ -42,9 +42,6 @@ if TYPE_CHECKING:
         verdict_rows,
         write_verdicts,
     )
-    from graspcast.grasping.campaign import run_campaign
-    from graspcast.grasping.guided import guided_trials
-    from graspcast.grasping.work import load_pairs
     from graspcast.guarantees.certificate import Promise, Promises
     from graspcast.guarantees.certify import certify
     from graspcast.guarantees.drift_monitor import DriftMonitor
@@ -55,6 +52,9 @@ if TYPE_CHECKING:
     from graspcast.perception.conformance import check_estimator
     from graspcast.perception.estimator import Estimator, built_in
     from graspcast.rendering.dataset import render_dataset
+    from graspcast.simulation.campaign.campaign import run_campaign
+    from graspcast.simulation.campaign.from_estimates import guided_trials
+    from graspcast.simulation.campaign.jobs import load_pairs
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.load import load_object

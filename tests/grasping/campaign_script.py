@@ -12,11 +12,11 @@ import numpy as np
 import polars as pl
 
 from graspcast.errors import GraspcastError
-from graspcast.grasping.campaign import run_campaign
-from graspcast.grasping.executors import LocalExecutor
-from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
-from graspcast.grasping.work import load_pairs
 from graspcast.pose.transforms import exp
+from graspcast.simulation.campaign.campaign import run_campaign
+from graspcast.simulation.campaign.executors import LocalExecutor
+from graspcast.simulation.campaign.jobs import load_pairs
+from graspcast.simulation.campaign.requests import KEY_COLUMNS, TrialRequests
 from graspcast.simulation.grasps.table import read_grasps
 
 

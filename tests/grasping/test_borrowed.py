@@ -13,9 +13,9 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.bop.units import millimetres
 from graspcast.errors import InputError, MismatchError
-from graspcast.grasping.borrowed import BORROWED, borrowed_trials
-from graspcast.grasping.requests import TrialRequests
 from graspcast.pose.transforms import rotation_angle
+from graspcast.simulation.campaign.requests import TrialRequests
+from graspcast.simulation.campaign.transferred_errors import BORROWED, borrowed_trials
 from poses import nudged, random_poses, results_of, write_models
 
 N, OBJECTS = 45, 3

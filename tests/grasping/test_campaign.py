@@ -25,11 +25,11 @@ from graspcast.errors import (
     MismatchError,
     UnknownNameError,
 )
-from graspcast.grasping.campaign import Progress, run_campaign
-from graspcast.grasping.executors import LocalExecutor, usable_cores
-from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
-from graspcast.grasping.store import COLUMNS, Store
-from graspcast.grasping.work import Pair, load_pairs
+from graspcast.simulation.campaign.campaign import Progress, run_campaign
+from graspcast.simulation.campaign.executors import LocalExecutor, usable_cores
+from graspcast.simulation.campaign.jobs import Pair, load_pairs
+from graspcast.simulation.campaign.requests import KEY_COLUMNS, TrialRequests
+from graspcast.simulation.campaign.store import COLUMNS, Store
 from graspcast.simulation.grasps.table import read_grasps
 from graspcast.simulation.trial.trial import TrialSettings
 
@@ -291,7 +291,7 @@ def test_an_interrupted_merge_counts_nothing_twice(complete: Path, tmp_path: Pat
 def test_many_shards_are_merged_on_the_way(
     complete: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("graspcast.grasping.store._MOST_SHARDS", 3)
+    monkeypatch.setattr("graspcast.simulation.campaign.store._MOST_SHARDS", 3)
     whole = Store(complete).outcomes()
     store = Store(tmp_path / "out")
     with store.lock():

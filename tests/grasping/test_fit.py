@@ -10,8 +10,8 @@ from numpy import ndarray
 from solids import box
 
 from graspcast.errors import InputError
-from graspcast.grasping.requests import TrialRequests
 from graspcast.pose.transforms import exp, invert, transform_points
+from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.grasps.observed_trials import LabelledTrials
 from graspcast.simulation.grasps.proposals import OpenHand, propose, surface_points, vary
 from graspcast.simulation.grasps.sampling import FittedTrials

@@ -10,9 +10,9 @@ from campaign_script import make_requests
 
 import graspcast.errors
 from graspcast.errors import ExtraMissingError
-from graspcast.grasping.campaign import Progress, run_campaign
-from graspcast.grasping.executors import LocalExecutor, RayExecutor
-from graspcast.grasping.work import load_pairs
+from graspcast.simulation.campaign.campaign import Progress, run_campaign
+from graspcast.simulation.campaign.executors import LocalExecutor, RayExecutor
+from graspcast.simulation.campaign.jobs import load_pairs
 from graspcast.simulation.grasps.table import read_grasps
 
 # Ray itself leaves sockets and processes to the garbage collector.

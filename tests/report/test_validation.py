@@ -6,9 +6,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from graspcast.grasping.requests import TrialRequests
 from graspcast.paper.tables import paper_tables
 from graspcast.paper.validation import compare, render_cells, render_table1
+from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.grasps.observed_trials import LabelledTrials
 from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp
 from graspcast.simulation.objects.types import Grasp

@@ -12,8 +12,8 @@ from graspcast.cli.options import Verbs, add_inputs, add_out, add_verb, inputs_o
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
-    from graspcast.grasping.campaign import Progress
-    from graspcast.grasping.executors import Executor
+    from graspcast.simulation.campaign.campaign import Progress
+    from graspcast.simulation.campaign.executors import Executor
     from graspcast.simulation.grasps.table import GraspTable
 
 __all__ = ["add_verbs", "words_of"]
@@ -85,7 +85,7 @@ def _check_gripper(options: argparse.Namespace) -> None:
 
 
 def _executor(options: argparse.Namespace) -> Executor:
-    from graspcast.grasping.executors import LocalExecutor, RayExecutor
+    from graspcast.simulation.campaign.executors import LocalExecutor, RayExecutor
 
     if options.executor == "ray":
         return RayExecutor(options.address)
@@ -123,10 +123,10 @@ def _pairs(
 
 
 def _simulate(options: argparse.Namespace) -> None:
-    from graspcast.grasping.borrowed import borrowed_trials
-    from graspcast.grasping.campaign import run_campaign
-    from graspcast.grasping.guided import guided_trials
-    from graspcast.grasping.work import load_pairs
+    from graspcast.simulation.campaign.campaign import run_campaign
+    from graspcast.simulation.campaign.from_estimates import guided_trials
+    from graspcast.simulation.campaign.jobs import load_pairs
+    from graspcast.simulation.campaign.transferred_errors import borrowed_trials
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.catalogue import read_catalogue

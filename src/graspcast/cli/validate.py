@@ -154,10 +154,10 @@ def _fit_grasp(options: argparse.Namespace) -> None:
 
 
 def _validate_sim(options: argparse.Namespace) -> None:
-    from graspcast.grasping.campaign import run_campaign
-    from graspcast.grasping.executors import LocalExecutor
-    from graspcast.grasping.work import load_pairs
     from graspcast.paper.validation import compare, render_cells, render_table1
+    from graspcast.simulation.campaign.campaign import run_campaign
+    from graspcast.simulation.campaign.executors import LocalExecutor
+    from graspcast.simulation.campaign.jobs import load_pairs
     from graspcast.simulation.grasps.search import jitter_held
     from graspcast.simulation.grasps.table import read_grasps
 

@@ -10,10 +10,10 @@ import numpy as np
 import polars as pl
 
 from graspcast.estimates.image_split import PARTS
-from graspcast.grasping.requests import KEY_COLUMNS
 from graspcast.io.markdown import table
 from graspcast.paper.dataset import ESTIMATORS, GRIPPERS, OBJECTS
 from graspcast.paper.tables import paper_tables, table1
+from graspcast.simulation.campaign.requests import KEY_COLUMNS
 from graspcast.simulation.grasps.agreement import agreement
 from graspcast.simulation.grasps.observed_trials import LabelledTrials
 from graspcast.simulation.grasps.table import GraspTable

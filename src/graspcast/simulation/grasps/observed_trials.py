@@ -14,8 +14,8 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.estimates.image_split import Part, frames_of, part_of
-from graspcast.grasping.guided import guided_trials
-from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
+from graspcast.simulation.campaign.from_estimates import guided_trials
+from graspcast.simulation.campaign.requests import KEY_COLUMNS, TrialRequests
 from graspcast.simulation.grasps.sampling import FittedTrials
 
 __all__ = ["LabelledTrials", "labelled_trials"]

@@ -19,11 +19,11 @@ import polars as pl
 from graspcast._version import __version__
 from graspcast.errors import CampaignStoppedError, GraspcastError
 from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
-from graspcast.grasping.card import write_card
-from graspcast.grasping.executors import Executor, LocalExecutor
-from graspcast.grasping.requests import KEY_COLUMNS, TrialRequests
-from graspcast.grasping.store import COLUMNS, Store
-from graspcast.grasping.work import Chunk, Pair
+from graspcast.simulation.campaign.dataset_card import write_card
+from graspcast.simulation.campaign.executors import Executor, LocalExecutor
+from graspcast.simulation.campaign.jobs import Chunk, Pair
+from graspcast.simulation.campaign.requests import KEY_COLUMNS, TrialRequests
+from graspcast.simulation.campaign.store import COLUMNS, Store
 from graspcast.simulation.trial.trial import Outcome
 
 __all__ = ["Progress", "run_campaign"]
@@ -78,14 +78,14 @@ def run_campaign(
 
     Args:
         requests: The trials.
-        pairs: What they are about, from :func:`~graspcast.grasping.work.load_pairs`.
-        directory: Where the campaign is kept; see :mod:`graspcast.grasping.store`.
+        pairs: What they are about, from :func:`~graspcast.simulation.campaign.jobs.load_pairs`.
+        directory: Where the campaign is kept; see :mod:`graspcast.simulation.campaign.store`.
         executor: Who computes; all cores of this machine if left out.
         sources: What went in, by name, with its licence, for the card: the estimates above all.
         progress: Called after every few trials.
 
     Returns:
-        All outcomes, in the columns of :data:`~graspcast.grasping.store.COLUMNS`, sorted by keys.
+        All outcomes, in the columns of :data:`~graspcast.simulation.campaign.store.COLUMNS`, sorted by keys.
 
     Raises:
         MismatchError: if the directory holds a campaign of another configuration.

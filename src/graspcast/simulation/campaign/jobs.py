@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.grasping.requests import TrialRequests
+from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.grasps.table import GraspTable
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.grippers.protocol import Gripper

@@ -27,9 +27,9 @@ import polars as pl
 
 from graspcast.errors import FormatError, InputError, MismatchError
 from graspcast.estimates.outcomes import ERROR_COLUMNS
-from graspcast.grasping.requests import KEY_COLUMNS
 from graspcast.io.files import write_text
 from graspcast.io.tables import read_parquet, write_table
+from graspcast.simulation.campaign.requests import KEY_COLUMNS
 
 __all__ = ["COLUMNS", "Store"]
 

@@ -17,9 +17,9 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.matching import match, nearest_truth
-from graspcast.grasping.requests import TrialRequests
 from graspcast.pose.ray_frame import error_along, relative
 from graspcast.pose.transforms import compose, invert, rotation_from_quaternion
+from graspcast.simulation.campaign.requests import TrialRequests
 
 __all__ = ["BORROWED", "borrowed_trials"]
 

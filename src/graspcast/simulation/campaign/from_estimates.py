@@ -16,8 +16,8 @@ from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
 from graspcast.estimates.alignment import instance_numbers
 from graspcast.estimates.matching import match
-from graspcast.grasping.requests import TrialRequests
 from graspcast.pose.transforms import compose, invert
+from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.grasps.table import GraspTable
 
 __all__ = ["guided_trials"]

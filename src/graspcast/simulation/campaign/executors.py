@@ -13,7 +13,7 @@ from multiprocessing.connection import wait as wait_for
 from typing import Any, Protocol, runtime_checkable
 
 from graspcast.errors import ExtraMissingError, InputError, WorkerLostError
-from graspcast.grasping.work import Chunk, Pair, run_chunk
+from graspcast.simulation.campaign.jobs import Chunk, Pair, run_chunk
 from graspcast.simulation.trial.trial import Outcome
 
 __all__ = ["Executor", "LocalExecutor", "RayExecutor", "usable_cores"]
