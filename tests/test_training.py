@@ -16,8 +16,8 @@ from graspcast.perception.crops import Crop  # noqa: E402
 from graspcast.perception.dense import _expected  # noqa: E402
 from graspcast.perception.keypoints import _peaks  # noqa: E402
 from graspcast.pose.transforms import rotation_from_vector, transform
-from graspcast.rendering.camera import INTRINSICS as K  # noqa: E402
-from graspcast.rendering.tabletop import ColouredMesh  # noqa: E402
+from graspcast.rendering.synthetic.camera import INTRINSICS as K
+from graspcast.rendering.synthetic.tabletop import ColouredMesh
 from poses import random_poses  # noqa: E402
 from training.crops import CELLS as STORED  # noqa: E402
 from training.crops import PIXELS as STORED_PIXELS  # noqa: E402

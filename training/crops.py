@@ -18,9 +18,9 @@ from graspcast.bop.models import Models
 from graspcast.io.files import atomic_write
 from graspcast.perception.crops import Crop, cut
 from graspcast.pose.transforms import invert, transform_points
-from graspcast.rendering.camera import INTRINSICS, random_view
-from graspcast.rendering.renderer import Frame, Renderer
-from graspcast.rendering.tabletop import ColouredMesh, Tabletop
+from graspcast.rendering.synthetic.camera import INTRINSICS, random_view
+from graspcast.rendering.synthetic.renderer import Frame, Renderer
+from graspcast.rendering.synthetic.tabletop import ColouredMesh, Tabletop
 
 PIXELS, CELLS = 96, 48
 """Of a stored crop: pixels of the image, and cells of the object coordinates, on a side."""

@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from graspcast.perception.crops import MARGIN
-from graspcast.rendering.camera import INTRINSICS
+from graspcast.rendering.synthetic.camera import INTRINSICS
 from training.crops import STORED_MARGIN, Objects
 from training.networks import CELLS, PIXELS
 

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from graspcast.paper.tables import reproduce
     from graspcast.perception.conformance import check_estimator
     from graspcast.perception.estimator import Estimator, built_in
-    from graspcast.rendering.dataset import render_dataset
+    from graspcast.rendering.synthetic.dataset import render_dataset
     from graspcast.simulation.campaign.campaign import run_campaign
     from graspcast.simulation.campaign.from_estimates import guided_trials
     from graspcast.simulation.campaign.jobs import load_pairs

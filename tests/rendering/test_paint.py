@@ -12,7 +12,7 @@ from scipy.spatial.distance import pdist
 from graspcast.bop.meshes import read_coloured_mesh
 from graspcast.bop.models import Models
 from graspcast.errors import UnknownNameError
-from graspcast.rendering.paint import PAINTED, write_painted_models
+from graspcast.rendering.synthetic.paint import PAINTED, write_painted_models
 from graspcast.simulation.objects.catalogue import read_catalogue
 from graspcast.simulation.objects.load import load_mesh
 

@@ -21,10 +21,10 @@ from graspcast.cli import main
 from graspcast.errors import GraspcastError, InputError, UnknownNameError
 from graspcast.grasping.gl import open_context
 from graspcast.pose.transforms import invert, transform_points
-from graspcast.rendering.camera import INTRINSICS, random_view
-from graspcast.rendering.dataset import RenderSettings, read_models, render_dataset
-from graspcast.rendering.renderer import Frame, Renderer
-from graspcast.rendering.tabletop import Tabletop
+from graspcast.rendering.synthetic.camera import INTRINSICS, random_view
+from graspcast.rendering.synthetic.dataset import RenderSettings, read_models, render_dataset
+from graspcast.rendering.synthetic.renderer import Frame, Renderer
+from graspcast.rendering.synthetic.tabletop import Tabletop
 
 pytest.importorskip("PIL.Image", reason="pillow is not installed (extra render)")
 

@@ -8,7 +8,7 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from graspcast.rendering.textures import _deinterleave, _interleave, bake, random_surface
+from graspcast.rendering.synthetic.textures import _deinterleave, _interleave, bake, random_surface
 
 
 def sampled(pixels: np.ndarray, places: np.ndarray) -> np.ndarray:

@@ -53,8 +53,8 @@ def _render(options: argparse.Namespace) -> None:
     from graspcast.grasping.gl import import_mujoco
 
     import_mujoco()
-    from graspcast.rendering.dataset import RenderSettings, render_dataset
-    from graspcast.rendering.paint import write_painted_models
+    from graspcast.rendering.synthetic.dataset import RenderSettings, render_dataset
+    from graspcast.rendering.synthetic.paint import write_painted_models
 
     settings = RenderSettings(
         options.scenes, options.images, options.seed, options.format, options.quality

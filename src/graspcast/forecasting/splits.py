@@ -10,7 +10,6 @@ from numpy import ndarray
 
 from graspcast.errors import MismatchError
 from graspcast.estimates.instances import scene_groups
-from graspcast.forecasting.models.mlp.train import train
 from graspcast.forecasting.samples import Samples
 
 __all__ = [

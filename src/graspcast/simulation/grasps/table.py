@@ -112,7 +112,7 @@ def read_grasps(path: str | PathLike[str] | None = None) -> GraspTable:
     Raises:
         FormatError: naming the entry and the key.
     """
-    built_in = Path(str(files("graspcast.grasping") / "grasps.toml"))
+    built_in = Path(str(files("graspcast.simulation.grasps") / "grasps.toml"))
     table = GraspTable(grasps_in(built_in))
     return table if path is None else table.updated(grasps_in(path))
 

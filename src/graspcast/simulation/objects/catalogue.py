@@ -109,7 +109,7 @@ def read_catalogue(path: str | PathLike[str] | None = None) -> Catalogue:
     Raises:
         FormatError: naming the object and the key.
     """
-    entries = _read(Path(str(files("graspcast.grasping") / "objects.toml")))
+    entries = _read(Path(str(files("graspcast.simulation.objects") / "objects.toml")))
     if path is not None:
         entries |= _read(Path(path))
     return Catalogue(entries)

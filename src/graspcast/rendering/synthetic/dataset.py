@@ -29,9 +29,9 @@ from graspcast.bop.models import Models
 from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError, InputError
 from graspcast.pose.transforms import invert
-from graspcast.rendering.camera import INTRINSICS, View, random_view
-from graspcast.rendering.renderer import Frame, Renderer
-from graspcast.rendering.tabletop import ColouredMesh, Tabletop
+from graspcast.rendering.synthetic.camera import INTRINSICS, View, random_view
+from graspcast.rendering.synthetic.renderer import Frame, Renderer
+from graspcast.rendering.synthetic.tabletop import ColouredMesh, Tabletop
 
 __all__ = ["RenderSettings", "read_models", "render_dataset"]
 

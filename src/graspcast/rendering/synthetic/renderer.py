@@ -11,8 +11,8 @@ from numpy import ndarray
 
 from graspcast.grasping.gl_drawer import OpenGLDrawer
 from graspcast.pose.transforms import invert
-from graspcast.rendering.camera import View
-from graspcast.rendering.tabletop import Tabletop
+from graspcast.rendering.synthetic.camera import View
+from graspcast.rendering.synthetic.tabletop import Tabletop
 
 __all__ = ["Frame", "Renderer"]
 

@@ -17,7 +17,7 @@ from graspcast.pose.transforms import (
     rotation_from_vector,
     transform,
 )
-from graspcast.rendering.textures import bake, random_surface
+from graspcast.rendering.synthetic.textures import bake, random_surface
 
 __all__ = ["ColouredMesh", "Tabletop"]
 
