@@ -19,11 +19,11 @@ from solids import IDENTITY, box, from_above
 
 from graspcast.cli import main
 from graspcast.errors import ExtraMissingError
-from graspcast.grasping.appearance import Appearance
-from graspcast.grasping.pictures import save_film, save_strip, strip_states
-from graspcast.grasping.render import SceneRenderer
-from graspcast.grasping.viewer import replay
 from graspcast.pose.transforms import transform
+from graspcast.rendering.trials.appearance import Appearance
+from graspcast.rendering.trials.film import save_film, save_strip, strip_states
+from graspcast.rendering.trials.renderer import SceneRenderer
+from graspcast.rendering.trials.viewer import replay
 from graspcast.simulation.grasps.table import ReferenceGrasp, write_grasps
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.objects.types import Grasp

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from solids import box
 
-from graspcast.grasping.appearance import Appearance
 from graspcast.grasping.drawer import Drawer, open_drawer, why_software
 from graspcast.grasping.gl_drawer import OpenGLDrawer
 from graspcast.grasping.software_drawer import SoftwareDrawer
 from graspcast.pose.transforms import rotation_from_vector, transform
+from graspcast.rendering.trials.appearance import Appearance
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.trial.recording import State
 

@@ -125,10 +125,10 @@ def _watch(options: argparse.Namespace) -> None:
 
     import_mujoco()
     if options.out is None:
-        from graspcast.grasping.viewer import check_display
+        from graspcast.rendering.trials.viewer import check_display
 
         check_display()
-    from graspcast.grasping.pictures import describe, endings
+    from graspcast.rendering.trials.film import describe, endings
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.catalogue import read_catalogue
@@ -154,7 +154,7 @@ def _watch(options: argparse.Namespace) -> None:
     if not outcome.steps and outcome.reason == "missed":
         note("the hand never comes near the object; --full shows the whole trial")
     if options.out is None:
-        from graspcast.grasping.viewer import replay
+        from graspcast.rendering.trials.viewer import replay
 
         replay(recording, runner.grasp_object, gripper, collision=options.collision)
     else:
@@ -165,8 +165,8 @@ def _watch(options: argparse.Namespace) -> None:
 def _draw(
     options: argparse.Namespace, recording: Recording, runner: TrialRunner, title: str
 ) -> None:
-    from graspcast.grasping.pictures import save_film, save_strip
-    from graspcast.grasping.render import SceneRenderer
+    from graspcast.rendering.trials.film import save_film, save_strip
+    from graspcast.rendering.trials.renderer import SceneRenderer
 
     _tell_drawer()
     strip = options.out.suffix.lower() == ".png"
@@ -258,7 +258,7 @@ def _grasps(options: argparse.Namespace) -> None:
     from graspcast.grasping.gl import import_mujoco
 
     import_mujoco()
-    from graspcast.grasping.contact_sheet import draw_cells, save_sheet
+    from graspcast.rendering.trials.contact_sheet import draw_cells, save_sheet
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import GRIPPERS, load_gripper
     from graspcast.simulation.objects.catalogue import read_catalogue

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from numpy import ndarray
 
-from graspcast.grasping.appearance import FOVY_DEG, Appearance
 from graspcast.grasping.drawer import Drawer, open_drawer
 from graspcast.pose.transforms import transform_points
+from graspcast.rendering.trials.appearance import FOVY_DEG, Appearance
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import GraspObject
 from graspcast.simulation.trial.recording import Recording, State

@@ -12,8 +12,8 @@ from jaxtyping import UInt8
 from numpy import ndarray
 
 from graspcast.errors import ExtraMissingError, InputError
-from graspcast.grasping.pictures import describe, write_outcome
-from graspcast.grasping.render import SceneRenderer
+from graspcast.rendering.trials.film import describe, write_outcome
+from graspcast.rendering.trials.renderer import SceneRenderer
 from graspcast.sheet import FAINT, INK, blank, save_png, write
 from graspcast.simulation.grasps.table import GraspTable
 from graspcast.simulation.grippers.protocol import Gripper

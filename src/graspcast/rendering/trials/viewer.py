@@ -9,7 +9,7 @@ import warnings
 from typing import Any
 
 from graspcast.errors import ExtraMissingError, InputError
-from graspcast.grasping.appearance import Appearance
+from graspcast.rendering.trials.appearance import Appearance
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import GraspObject
 from graspcast.simulation.trial.recording import Recording
