@@ -20,10 +20,10 @@ from graspcast.bop.results import Results, read_results, write_results
 from graspcast.cli import main
 from graspcast.errors import FormatError, InputError
 from graspcast.forecasting.verdict import VerdictRow, decide, read_verdicts, write_verdicts
-from graspcast.overlay import draw_overlay
-from graspcast.overlay_sheet import overlay_sheet, overlays
 from graspcast.pose.transforms import rotation_from_vector, transform, transform_points
-from graspcast.sheet import BAD, GOOD
+from graspcast.rendering.drawing import BAD, GOOD
+from graspcast.rendering.overlay import draw_overlay
+from graspcast.rendering.overlay_sheet import overlay_sheet, overlays
 from poses import nudged
 
 SIDE = 128

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from graspcast.raster import Canvas, Lighting, corner_normals
+from graspcast.rendering.rasterizer import Canvas, Lighting, corner_normals
 
 K = np.array([[70.0, 0.0, 30.5], [0.0, 64.0, 24.0], [0.0, 0.0, 1.0]])
 WIDTH, HEIGHT = 64, 48

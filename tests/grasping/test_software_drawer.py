@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from solids import box
 
-from graspcast.grasping.drawer import Drawer, open_drawer, why_software
-from graspcast.grasping.gl_drawer import OpenGLDrawer
-from graspcast.grasping.software_drawer import SoftwareDrawer
 from graspcast.pose.transforms import rotation_from_vector, transform
+from graspcast.rendering.backend import Drawer, open_drawer, why_software
+from graspcast.rendering.opengl import OpenGLDrawer
+from graspcast.rendering.software import SoftwareDrawer
 from graspcast.rendering.trials.appearance import Appearance
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.trial.recording import State

@@ -19,8 +19,8 @@ from graspcast.bop.dataset import BopDataset, read_targets
 from graspcast.bop.meshes import Mesh, write_mesh
 from graspcast.cli import main
 from graspcast.errors import GraspcastError, InputError, UnknownNameError
-from graspcast.grasping.gl import open_context
 from graspcast.pose.transforms import invert, transform_points
+from graspcast.rendering.opengl_context import open_context
 from graspcast.rendering.synthetic.camera import INTRINSICS, random_view
 from graspcast.rendering.synthetic.dataset import RenderSettings, read_models, render_dataset
 from graspcast.rendering.synthetic.renderer import Frame, Renderer

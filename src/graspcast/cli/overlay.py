@@ -58,8 +58,8 @@ def add_verbs(verbs: Verbs) -> None:
 
 def _overlay(options: argparse.Namespace) -> None:
     from graspcast.forecasting.verdict import read_verdicts
-    from graspcast.overlay_sheet import overlay_sheet, overlays
-    from graspcast.sheet import save_png
+    from graspcast.rendering.drawing import save_png
+    from graspcast.rendering.overlay_sheet import overlay_sheet, overlays
 
     if options.out.suffix.lower() != ".png":
         raise InputError(f"{options.out}: a sheet of overlays is drawn to .png")

@@ -50,7 +50,7 @@ def add_verbs(verbs: Verbs) -> None:
 
 
 def _render(options: argparse.Namespace) -> None:
-    from graspcast.grasping.gl import import_mujoco
+    from graspcast.rendering.opengl_context import import_mujoco
 
     import_mujoco()
     from graspcast.rendering.synthetic.dataset import RenderSettings, render_dataset

@@ -121,7 +121,7 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _watch(options: argparse.Namespace) -> None:
-    from graspcast.grasping.gl import import_mujoco
+    from graspcast.rendering.opengl_context import import_mujoco
 
     import_mujoco()
     if options.out is None:
@@ -186,7 +186,7 @@ def _draw(
 
 
 def _tell_drawer() -> None:
-    from graspcast.grasping.drawer import why_software
+    from graspcast.rendering.backend import why_software
 
     if reason := why_software():
         note(f"drawn in software; with OpenGL it would be quicker, but {reason}")
@@ -255,7 +255,7 @@ def _read_estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[nda
 
 
 def _grasps(options: argparse.Namespace) -> None:
-    from graspcast.grasping.gl import import_mujoco
+    from graspcast.rendering.opengl_context import import_mujoco
 
     import_mujoco()
     from graspcast.rendering.trials.contact_sheet import draw_cells, save_sheet

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray
 
-from graspcast.grasping.gl_drawer import OpenGLDrawer
 from graspcast.pose.transforms import invert
+from graspcast.rendering.opengl import OpenGLDrawer
 from graspcast.rendering.synthetic.camera import View
 from graspcast.rendering.synthetic.tabletop import Tabletop
 

@@ -12,9 +12,9 @@ from jaxtyping import UInt8
 from numpy import ndarray
 
 from graspcast.errors import ExtraMissingError, InputError
+from graspcast.rendering.drawing import FAINT, INK, blank, save_png, write
 from graspcast.rendering.trials.film import describe, write_outcome
 from graspcast.rendering.trials.renderer import SceneRenderer
-from graspcast.sheet import FAINT, INK, blank, save_png, write
 from graspcast.simulation.grasps.table import GraspTable
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.catalogue import Catalogue, ObjectEntry

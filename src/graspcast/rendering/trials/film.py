@@ -13,8 +13,8 @@ from numpy import ndarray
 
 from graspcast.errors import ExtraMissingError, InputError
 from graspcast.io.files import atomic_write
+from graspcast.rendering.drawing import BAD, FAINT, GOOD, INK, blank, save_png, write
 from graspcast.rendering.trials.renderer import SceneRenderer
-from graspcast.sheet import BAD, FAINT, GOOD, INK, blank, save_png, write
 from graspcast.simulation.trial.recording import Recording, State
 from graspcast.simulation.trial.trial import Outcome
 

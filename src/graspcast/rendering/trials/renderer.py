@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from numpy import ndarray
 
-from graspcast.grasping.drawer import Drawer, open_drawer
 from graspcast.pose.transforms import transform_points
+from graspcast.rendering.backend import Drawer, open_drawer
 from graspcast.rendering.trials.appearance import FOVY_DEG, Appearance
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import GraspObject
@@ -34,7 +34,7 @@ class SceneRenderer:
     """Draws states of trials of one object with one gripper.
 
     By OpenGL, or in software where there is none
-    (:func:`graspcast.grasping.drawer.why_software`). Use it in one thread, and as a context
+    (:func:`graspcast.rendering.backend.why_software`). Use it in one thread, and as a context
     manager.
 
     Args:

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray
 
 from graspcast.pose.transforms import invert, transform, transform_points
-from graspcast.raster import Canvas, Lighting, corner_normals
+from graspcast.rendering.rasterizer import Canvas, Lighting, corner_normals
 
 __all__ = ["SoftwareDrawer"]
 
@@ -33,7 +33,7 @@ class _Shape:
 
 
 class SoftwareDrawer:
-    """A :class:`graspcast.grasping.drawer.Drawer` that needs nothing but a processor.
+    """A :class:`graspcast.rendering.backend.Drawer` that needs nothing but a processor.
 
     It draws meshes, boxes, spheres, ellipsoids, capsules, cylinders, and planes as the table with
     its lines. Shadows fall on the table alone, there are no highlights, and no textures but the

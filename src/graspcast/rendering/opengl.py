@@ -8,13 +8,13 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 from numpy import ndarray
 
-from graspcast.grasping.gl import open_context
+from graspcast.rendering.opengl_context import open_context
 
 __all__ = ["OpenGLDrawer"]
 
 
 class OpenGLDrawer:
-    """A :class:`graspcast.grasping.drawer.Drawer` by MuJoCo's own renderer, off screen.
+    """A :class:`graspcast.rendering.backend.Drawer` by MuJoCo's own renderer, off screen.
 
     Use it in one thread. The model's ``vis.global_`` states the largest picture.
 

@@ -8,7 +8,7 @@ from numpy import ndarray
 
 from graspcast.bop.meshes import Mesh
 from graspcast.pose.transforms import transform_points
-from graspcast.raster import Canvas
+from graspcast.rendering.rasterizer import Canvas
 
 __all__ = ["draw_overlay"]
 

@@ -17,9 +17,9 @@ from graspcast.errors import FormatError, InputError
 from graspcast.estimates.alignment import partners, rows_in_image
 from graspcast.estimates.matching import match
 from graspcast.forecasting.verdict import VerdictRow
-from graspcast.overlay import draw_overlay
 from graspcast.pose.metrics import rotation_error, translation_error
-from graspcast.sheet import BAD, FAINT, GOOD, INK, blank, width_of, write
+from graspcast.rendering.drawing import BAD, FAINT, GOOD, INK, blank, width_of, write
+from graspcast.rendering.overlay import draw_overlay
 
 if TYPE_CHECKING:
     from PIL.Image import Image

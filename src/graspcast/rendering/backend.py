@@ -10,7 +10,7 @@ from jaxtyping import UInt8
 from numpy import ndarray
 
 from graspcast.errors import ExtraMissingError, InputError
-from graspcast.grasping.gl import backend, disabled, open_context
+from graspcast.rendering.opengl_context import backend, disabled, open_context
 
 __all__ = ["Drawer", "open_drawer", "why_software"]
 
@@ -35,10 +35,10 @@ def open_drawer(model: Any, width: int, height: int) -> Drawer:
         InputError: if ``MUJOCO_GL`` names no backend.
     """
     if why_software() is None:
-        from graspcast.grasping.gl_drawer import OpenGLDrawer
+        from graspcast.rendering.opengl import OpenGLDrawer
 
         return OpenGLDrawer(model, width, height)
-    from graspcast.grasping.software_drawer import SoftwareDrawer
+    from graspcast.rendering.software import SoftwareDrawer
 
     return SoftwareDrawer(model, width, height)
 
