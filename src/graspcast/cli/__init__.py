@@ -8,20 +8,20 @@ from collections.abc import Sequence
 
 from graspcast._version import __version__
 from graspcast.cli import (
-    campaign,
+    certify,
     compare,
-    data,
     demo,
+    errors,
     estimate,
     evaluate,
-    learn,
+    fit_grasp,
     overlay,
     predict,
-    promise,
     render,
     score,
-    see,
-    validate,
+    simulate,
+    train,
+    watch,
 )
 from graspcast.errors import GraspcastError
 

@@ -3,6 +3,47 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from graspcast.cli.console import note
+from graspcast.cli.options import (
+    Verbs,
+    add_inputs,
+    add_json,
+    add_out,
+    add_outcomes,
+    add_strange,
+    add_verb,
+    inputs_of,
+    share,
+    write_json,
+)
+from graspcast.errors import InputError
+
+if TYPE_CHECKING:
+    pass
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from graspcast.cli.console import note
+from graspcast.cli.options import (
+    Verbs,
+    add_bop,
+    add_estimates,
+    add_out,
+    add_verb,
+    field_size,
+    scene_and_image,
+)
+from graspcast.errors import InputError
+
+if TYPE_CHECKING:
+    pass
+
+import argparse
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -219,3 +260,28 @@ def write_json(path: Path | None, content: Any) -> None:
     except ValueError as error:
         raise InputError(f"{path}: a figure is not a finite number") from error
     write_text(path, text + "\n")
+
+
+def _bop_dirs(options: argparse.Namespace) -> dict[str, Path]:
+    return {name or root.resolve().name: root for name, root in options.bop}
+
+
+def _tell_drawer() -> None:
+    from graspcast.rendering.backend import why_software
+
+    if reason := why_software():
+        note(f"drawn in software; with OpenGL it would be quicker, but {reason}")
+
+
+def _add_tables(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument("--grasps", metavar="FILE", type=Path, help="own reference grasps (TOML)")
+    verb.add_argument("--catalogue", metavar="FILE", type=Path, help="own objects (TOML)")
+    verb.add_argument(
+        "--collision", action="store_true", help="draw the collision pieces, not the mesh"
+    )
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"a whole number, 0 or more, is needed, not {text!r}")
+    return int(text)

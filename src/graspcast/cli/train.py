@@ -18,6 +18,7 @@ from graspcast.cli.options import (
     positive,
     write_json,
 )
+from graspcast.cli.reproduce import _reproduce
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
@@ -213,19 +214,3 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> Lessons:
 
 def _figure(value: float | int | None) -> str:
     return f"{value:.3f}" if isinstance(value, float) else "-" if value is None else str(value)
-
-
-def _reproduce(options: argparse.Namespace) -> None:
-    from graspcast.paper.dataset import Published
-    from graspcast.paper.render import render
-    from graspcast.paper.tables import reproduce
-
-    data = Published(options.data, outcomes=options.outcomes)
-    with progress_bar("reading") as move:
-        found = reproduce(
-            data,
-            seeds=options.seeds,
-            progress=lambda name, done: move(done, f"training {name}"),
-        )
-    print_text(render(found))
-    write_json(options.json, found)

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from graspcast.cli.console import note, print_table, print_text, progress_bar
+from graspcast.cli.console import note, print_table, progress_bar
+from graspcast.cli.import_release import _import_release
 from graspcast.cli.options import (
     Verbs,
     add_inputs,
@@ -68,17 +69,6 @@ def add_verbs(verbs: Verbs) -> None:
         help="print tails instead, and whether estimators fail on the same instances",
     )
     add_json(verb)
-
-
-def _import_release(options: argparse.Namespace) -> None:
-    from graspcast.paper.release import import_release
-
-    for found in import_release(options.release, options.out):
-        poses = ", ".join(f"{name} {n}" for name, n in found.estimates.items())
-        print_text(
-            f"{found.dataset}: poses {poses}; trials {found.trials}; instances {found.instances}, "
-            f"of which {found.unseen} without a pose, since no estimator found them"
-        )
 
 
 def _errors(options: argparse.Namespace) -> None:

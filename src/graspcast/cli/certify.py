@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_table, print_text
+from graspcast.cli.monitor import _add_monitor
 from graspcast.cli.options import (
     Verbs,
+    _count,
     add_inputs,
     add_json,
     add_out,
@@ -19,7 +21,7 @@ from graspcast.cli.options import (
     share,
     write_json,
 )
-from graspcast.errors import InputError, MismatchError
+from graspcast.errors import MismatchError
 
 if TYPE_CHECKING:
     from graspcast.forecasting.model_card import Card
@@ -93,56 +95,6 @@ def _add_certify(verbs: Verbs) -> None:
     )
     add_out(verb, "the promise's file (JSON)")
     add_json(verb)
-
-
-def _add_monitor(verbs: Verbs) -> None:
-    verb = add_verb(
-        verbs,
-        "monitor",
-        _monitor,
-        "whether a promise still holds in the field",
-        "Take in the outcomes of attempts in the field, in the order of the file, and raise an\n"
-        "alarm when the promised rate no longer holds. The file is a log that grows: what was\n"
-        "taken in before is skipped, so the command may be repeated, or killed, at any time.\n\n"
-        "Exit code: 0 no alarm, 3 alarm (which stays until --restart), 2 something is wrong.",
-    )
-    verb.add_argument("--promise", metavar="PATH", type=Path, required=True, help="from certify")
-    verb.add_argument(
-        "--state", metavar="PATH", type=Path, required=True, help="made if it is not there"
-    )
-    verb.add_argument(
-        "--outcomes",
-        metavar="FILE",
-        type=Path,
-        required=True,
-        help="the log of attempted grasps: columns as those of trial outcomes, oldest first",
-    )
-    verb.add_argument(
-        "--alpha",
-        metavar="P",
-        type=share,
-        help="chance that there is ever a false alarm (default: 0.05, or the state's)",
-    )
-    verb.add_argument("--object", metavar="NAME", help="the promise of one object (lmo-5)")
-    verb.add_argument(
-        "--most-attempts",
-        metavar="N",
-        type=_count,
-        help="units count by their attempts, of which none has more (default: all alike)",
-    )
-    verb.add_argument(
-        "--close", action="store_true", help="the last unit of the log is over: weigh it too"
-    )
-    verb.add_argument(
-        "--restart", action="store_true", help="forget evidence and alarm before going on"
-    )
-    add_json(verb)
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"a whole number, 0 or more, is needed, not {text!r}")
-    return int(text)
 
 
 def _certify(options: argparse.Namespace) -> None:
@@ -271,43 +223,3 @@ def _row(promise: Promise) -> list[str]:
         held,
         needed,
     ]
-
-
-def _monitor(options: argparse.Namespace) -> int:
-    from graspcast.guarantees.certificate import OVERALL, Promises
-    from graspcast.guarantees.monitor_state import FieldLog
-
-    promises = Promises.load(options.promise)
-    promise = promises.of(options.object or OVERALL)
-    if promise.threshold is None:
-        raise InputError(
-            f"{options.promise}: promises nothing ({promise}); there is no rate to watch"
-        )
-    log = FieldLog.open(
-        options.state,
-        options.promise,
-        promise,
-        alpha=options.alpha,
-        most_attempts=options.most_attempts,
-    )
-    if options.restart:
-        log.monitor.restart()
-    by_unit = options.most_attempts is None and log.monitor.most_attempts is None
-    if promises.weight == "attempt" and by_unit:
-        note(
-            "every attempt counts in this promise; without --most-attempts, every unit counts alike"
-        )
-    new = log.take_in(options.outcomes, promises.provenance)
-    if options.close:
-        log.monitor.close()
-    log.save()
-    monitor = log.monitor
-    write_json(options.json, monitor.as_dict())
-    state = f"ALARM since attempt {monitor.alarm_at}" if monitor.alarm else "no alarm"
-    rate = f"{monitor.successes / monitor.trials:.3f}" if monitor.trials else "-"
-    print_text(
-        f"{promise.scope}: {state}. {new} new attempts, {monitor.trials} in all, {rate} of them "
-        f"held; {promise.rate:g} is promised. Evidence against it: {monitor.evidence:.3g} of the "
-        f"{1 / monitor.alpha:g} that raise an alarm (at most {monitor.evidence_peak:.3g} so far)"
-    )
-    return 3 if monitor.alarm else 0

@@ -6,9 +6,13 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from graspcast.cli.console import note, print_table, print_text, progress_bar
+from graspcast.cli.console import note, print_text, progress_bar
+from graspcast.cli.grasps import _grasps
 from graspcast.cli.options import (
     Verbs,
+    _add_tables,
+    _bop_dirs,
+    _tell_drawer,
     add_bop,
     add_estimates,
     add_out,
@@ -101,14 +105,6 @@ def add_verbs(verbs: Verbs) -> None:
     add_out(verb, "the sheet (.png)")
 
 
-def _add_tables(verb: argparse.ArgumentParser) -> None:
-    verb.add_argument("--grasps", metavar="FILE", type=Path, help="own reference grasps (TOML)")
-    verb.add_argument("--catalogue", metavar="FILE", type=Path, help="own objects (TOML)")
-    verb.add_argument(
-        "--collision", action="store_true", help="draw the collision pieces, not the mesh"
-    )
-
-
 def _size(text: str) -> tuple[int, int]:
     width, _, height = text.partition("x")
     if not (width.isdecimal() and height.isdecimal()):
@@ -185,17 +181,6 @@ def _draw(
             save_film(options.out, recording, renderer, title, progress=move)
 
 
-def _tell_drawer() -> None:
-    from graspcast.rendering.backend import why_software
-
-    if reason := why_software():
-        note(f"drawn in software; with OpenGL it would be quicker, but {reason}")
-
-
-def _bop_dirs(options: argparse.Namespace) -> dict[str, Path]:
-    return {name or root.resolve().name: root for name, root in options.bop}
-
-
 def _estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray, "4 4"]:
     """``obj_T_est`` as the options say: perfect, off by ``--offset``, or from a results CSV."""
     import numpy as np
@@ -252,36 +237,3 @@ def _read_estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[nda
         )
     pose: Any = invert(truth.cam_T_obj[matched]) @ results.cam_T_obj[row]
     return pose
-
-
-def _grasps(options: argparse.Namespace) -> None:
-    from graspcast.rendering.opengl_context import import_mujoco
-
-    import_mujoco()
-    from graspcast.rendering.trials.contact_sheet import draw_cells, save_sheet
-    from graspcast.simulation.grasps.table import read_grasps
-    from graspcast.simulation.grippers import GRIPPERS, load_gripper
-    from graspcast.simulation.objects.catalogue import read_catalogue
-
-    if options.out.suffix.lower() != ".png":
-        raise InputError(f"{options.out}: a contact sheet is drawn to .png")
-    catalogue = read_catalogue(options.catalogue)
-    entries = [catalogue[name] for name in options.objects or catalogue]
-    grippers = [load_gripper(name) for name in options.gripper or GRIPPERS]
-    _tell_drawer()
-    with progress_bar("drawing") as move:
-        cells = draw_cells(
-            entries,
-            grippers,
-            read_grasps(options.grasps),
-            catalogue=catalogue,
-            bop_dirs=_bop_dirs(options),
-            size=options.size,
-            collision=options.collision,
-            progress=move,
-        )
-    labels = [(entry.name, entry.label) for entry in entries]
-    save_sheet(options.out, labels, [g.name for g in grippers], cells, size=options.size)
-    rows = [(f"{name} by {gripper}", cell.note) for (name, gripper), cell in cells.items()]
-    print_table("reference grasps, perfect estimate", ["", "outcome"], rows)
-    print_text(str(options.out))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from graspcast.cli.check_gripper import _check_gripper
 from graspcast.cli.console import note, print_table, print_text, progress_bar
 from graspcast.cli.options import Verbs, add_inputs, add_out, add_verb, inputs_of
 
@@ -70,18 +71,6 @@ def add_verbs(verbs: Verbs) -> None:
         "opens, closes, settles, holds, drops, and does the same again.",
     )
     verb.add_argument("gripper", metavar="FILE", help="the gripper's .toml, or a built-in's name")
-
-
-def _check_gripper(options: argparse.Namespace) -> None:
-    from graspcast.errors import InputError
-    from graspcast.simulation.grippers import load_gripper
-    from graspcast.simulation.trial.gripper_conformance import check_gripper
-
-    report = check_gripper(load_gripper(options.gripper))
-    print_text(str(report))
-    if not report.passed:
-        names = ", ".join(check.name for check in report.failures)
-        raise InputError(f"{options.gripper} does not pass: {names}")
 
 
 def _executor(options: argparse.Namespace) -> Executor:
