@@ -18,7 +18,7 @@ from graspcast.perception.estimator import Poses
 from graspcast.perception.run import run_external
 from graspcast.pose.transforms import transform
 
-SCRIPT = Path(__file__).parent / "perception" / "foreign_estimator.py"
+SCRIPT = Path(__file__).parent / "foreign_estimator.py"
 
 
 def command(python: Path, *words: object) -> str:

@@ -9,23 +9,53 @@ from collections.abc import Sequence
 from graspcast._version import __version__
 from graspcast.cli import (
     certify,
+    check_gripper,
     compare,
     demo,
     errors,
     estimate,
     evaluate,
     fit_grasp,
+    grasps,
+    import_release,
+    monitor,
     overlay,
     predict,
     render,
+    reproduce,
     score,
     simulate,
     train,
+    validate_sim,
     watch,
 )
 from graspcast.errors import GraspcastError
 
 __all__ = ["main", "parser"]
+
+# In the order of --help.
+_VERBS = (
+    demo,
+    render,
+    estimate,
+    errors,
+    train,
+    predict,
+    score,
+    compare,
+    certify,
+    monitor,
+    evaluate,
+    reproduce,
+    simulate,
+    fit_grasp,
+    validate_sim,
+    check_gripper,
+    grasps,
+    watch,
+    overlay,
+    import_release,
+)
 
 _DESCRIPTION = """\
 Several RGB pose estimators look at the same object; graspcast says how likely the grasp that one
@@ -38,23 +68,8 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="graspcast", description=_DESCRIPTION)
     top.add_argument("--version", action="version", version=f"graspcast {__version__}")
     verbs = top.add_subparsers(title="verbs", dest="verb", metavar="VERB", required=True)
-    for module in (
-        demo,
-        data,
-        render,
-        estimate,
-        learn,
-        predict,
-        score,
-        compare,
-        promise,
-        evaluate,
-        campaign,
-        validate,
-        see,
-        overlay,
-    ):
-        module.add_verbs(verbs)
+    for module in _VERBS:
+        module.add(verbs)
     return top
 
 

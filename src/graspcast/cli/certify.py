@@ -1,4 +1,4 @@
-"""Verbs about the promise: ``certify`` makes it, ``monitor`` watches it in the field."""
+"""The verb ``certify``: a threshold with a certified success rate."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_table, print_text
-from graspcast.cli.monitor import _add_monitor
 from graspcast.cli.options import (
     Verbs,
-    _count,
     add_inputs,
     add_json,
     add_out,
     add_outcomes,
     add_strange,
-    add_verb,
+    count,
     inputs_of,
+    new_verb,
     share,
     write_json,
 )
@@ -27,17 +26,12 @@ if TYPE_CHECKING:
     from graspcast.forecasting.model_card import Card
     from graspcast.guarantees.certificate import Promise, Promises
 
-__all__ = ["add_verbs"]
+__all__ = ["add"]
 
 
-def add_verbs(verbs: Verbs) -> None:
-    """Add this module's verbs."""
-    _add_certify(verbs)
-    _add_monitor(verbs)
-
-
-def _add_certify(verbs: Verbs) -> None:
-    verb = add_verb(
+def add(verbs: Verbs) -> None:
+    """Add the verb ``certify``."""
+    verb = new_verb(
         verbs,
         "certify",
         _certify,
@@ -75,7 +69,7 @@ def _add_certify(verbs: Verbs) -> None:
     verb.add_argument(
         "--others",
         metavar="N",
-        type=_count,
+        type=count,
         default=0,
         help="with --simultaneous: so many promises of other runs (other grippers) belong to them",
     )

@@ -1,16 +1,29 @@
-"""TODO."""
+"""The verb ``check-gripper``: conformance of a gripper."""
 
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 from graspcast.cli.console import print_text
+from graspcast.cli.options import (
+    Verbs,
+    new_verb,
+)
 
-if TYPE_CHECKING:
-    pass
+__all__ = ["add"]
 
-__all__ = []
+
+def add(verbs: Verbs) -> None:
+    """Add the verb ``check-gripper``."""
+    verb = new_verb(
+        verbs,
+        "check-gripper",
+        _check_gripper,
+        "whether an own gripper is fit for trials",
+        "Check that a gripper, given as MJCF with a short TOML, does what trials need of one: it\n"
+        "opens, closes, settles, holds, drops, and does the same again.",
+    )
+    verb.add_argument("gripper", metavar="FILE", help="the gripper's .toml, or a built-in's name")
 
 
 def _check_gripper(options: argparse.Namespace) -> None:

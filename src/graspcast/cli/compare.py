@@ -11,8 +11,8 @@ from graspcast.cli.options import (
     add_inputs,
     add_json,
     add_outcomes,
-    add_verb,
     inputs_of,
+    new_verb,
     positive,
     write_json,
 )
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from graspcast.evaluation.paired_differences import Contrast
     from graspcast.forecasting.training_data import Lessons
 
-__all__ = ["add_verbs"]
+__all__ = ["add"]
 
 _TITLES = {
     "aurc": "AURC",
@@ -38,9 +38,9 @@ _TITLES = {
 }
 
 
-def add_verbs(verbs: Verbs) -> None:
-    """Add this module's verb."""
-    verb = add_verb(
+def add(verbs: Verbs) -> None:
+    """Add the verb ``compare``."""
+    verb = new_verb(
         verbs,
         "compare",
         _compare,

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text
-from graspcast.cli.options import Verbs, add_verb, share
+from graspcast.cli.options import Verbs, new_verb, share
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 
     from graspcast.bop.dataset import BopDataset
 
-__all__ = ["add_verbs"]
+__all__ = ["add"]
 
 _IMAGES = 2
 _BOXES = "test_detections_jittered.json"
 _SEED = 0
 
 
-def add_verbs(verbs: Verbs) -> None:
-    """Add this module's verb."""
-    verb = add_verb(
+def add(verbs: Verbs) -> None:
+    """Add the verb ``demo``."""
+    verb = new_verb(
         verbs,
         "demo",
         _demo,

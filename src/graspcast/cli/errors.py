@@ -1,4 +1,4 @@
-"""Verbs about data: ``import-release`` and ``errors``."""
+"""The verb ``errors``: pose errors of each estimator and object."""
 
 from __future__ import annotations
 
@@ -8,20 +8,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from graspcast.cli.console import note, print_table, progress_bar
-from graspcast.cli.import_release import _import_release
 from graspcast.cli.options import (
     Verbs,
     add_inputs,
     add_json,
-    add_verb,
     inputs_of,
+    new_verb,
     write_json,
 )
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
-__all__ = ["add_verbs"]
+__all__ = ["add"]
 
 _SHORT = {"translation_mm": "transl._mm", "add_s_mm": "ADD-S_mm", "add_mm": "ADD_mm"}
 _SHORT |= {"mssd_mm": "MSSD_mm", "mspd_px": "MSPD_px"}
@@ -35,20 +34,9 @@ _HEADS |= {
 }
 
 
-def add_verbs(verbs: Verbs) -> None:
-    """Add this module's verbs."""
-    verb = add_verb(
-        verbs,
-        "import-release",
-        _import_release,
-        "turn the paper authors' release into BOP files",
-        "Turn a checkout of the paper authors' repository into BOP results CSVs, ground truth,\n"
-        "outcomes and split, one folder a dataset; every pose comes back exactly.",
-    )
-    verb.add_argument("release", metavar="RELEASE_DIR", type=Path, help="the checkout")
-    verb.add_argument("out", metavar="OUT_DIR", type=Path, help="where lmo/ and ycbv/ are made")
-
-    verb = add_verb(
+def add(verbs: Verbs) -> None:
+    """Add the verb ``errors``."""
+    verb = new_verb(
         verbs,
         "errors",
         _errors,

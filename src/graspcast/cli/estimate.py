@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text, progress_bar
-from graspcast.cli.options import Verbs, add_out, add_verb
+from graspcast.cli.options import Verbs, add_out, new_verb
 from graspcast.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from graspcast.bop.detections import Detections
     from graspcast.bop.results import Results
 
-__all__ = ["add_verbs"]
+__all__ = ["add"]
 
 
-def add_verbs(verbs: Verbs) -> None:
-    """Add this module's verb."""
-    verb = add_verb(
+def add(verbs: Verbs) -> None:
+    """Add the verb ``estimate``."""
+    verb = new_verb(
         verbs,
         "estimate",
         _estimate,

@@ -6,17 +6,17 @@ import argparse
 from pathlib import Path
 
 from graspcast.cli.console import note, print_text, progress_bar
-from graspcast.cli.options import Verbs, add_json, add_outcomes, add_verb, positive, write_json
+from graspcast.cli.options import Verbs, add_json, add_outcomes, new_verb, positive, write_json
 from graspcast.errors import InputError, UnknownNameError
 
-__all__ = ["add_verbs"]
+__all__ = ["add"]
 
 _DRAWN = "unseen_scenes"
 
 
-def add_verbs(verbs: Verbs) -> None:
-    """Add this module's verb."""
-    verb = add_verb(
+def add(verbs: Verbs) -> None:
+    """Add the verb ``evaluate``."""
+    verb = new_verb(
         verbs,
         "evaluate",
         _evaluate,

@@ -1,4 +1,4 @@
-"""Verbs that hold simulated trials against given outcomes: ``fit-grasp`` and ``validate-sim``."""
+"""The verb ``fit-grasp``: a reference grasp that agrees with given outcomes."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from graspcast.cli.options import (
     add_json,
     add_out,
     add_outcomes,
-    add_verb,
     inputs_of,
+    new_verb,
     write_json,
 )
-from graspcast.cli.validate_sim import _published_trials, _validate_sim
+from graspcast.cli.validate_sim import published_trials
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:
     from graspcast.simulation.grasps.observed_trials import LabelledTrials
 
-__all__ = ["add_verbs"]
+__all__ = ["add"]
 
 _DATA = "holds published/ (what import-release writes) and bop/"
 
 
-def add_verbs(verbs: Verbs) -> None:
-    """Add this module's verbs."""
-    verb = add_verb(
+def add(verbs: Verbs) -> None:
+    """Add the verb ``fit-grasp``."""
+    verb = new_verb(
         verbs,
         "fit-grasp",
         _fit_grasp,
@@ -63,23 +63,6 @@ def add_verbs(verbs: Verbs) -> None:
     add_out(verb, "the TOML file of grasps")
     add_json(verb)
 
-    verb = add_verb(
-        verbs,
-        "validate-sim",
-        _validate_sim,
-        "simulate every published trial and compare",
-        "Simulate every trial that was published and print Table I (paper | ours) and, for each\n"
-        "object and gripper, how well the outcomes agree on the images that took no part in\n"
-        "fitting or choosing grasps. Started again, it goes on from where it was.",
-    )
-    verb.add_argument("--data", metavar="DIR", type=Path, required=True, help=_DATA)
-    verb.add_argument("--grasps", metavar="FILE", type=Path, help="beside the built-in grasps")
-    verb.add_argument("--workers", metavar="N", type=int, help="default: all cores")
-    verb.add_argument(
-        "--out", metavar="DIR", type=Path, help="the campaign (default: beside --json or here)"
-    )
-    add_json(verb)
-
 
 def _trials_of(options: argparse.Namespace) -> tuple[LabelledTrials, dict[str, Path]]:
     """The trials that the options name, and the datasets' BOP directories."""
@@ -87,7 +70,7 @@ def _trials_of(options: argparse.Namespace) -> tuple[LabelledTrials, dict[str, P
     from graspcast.simulation.grasps.observed_trials import labelled_trials
 
     if options.data is not None:
-        return _published_trials(options.data)
+        return published_trials(options.data)
     if not (options.estimates and options.bop and options.outcomes):
         raise InputError("give --data, or else --estimates, --bop and --outcomes")
     inputs = inputs_of(options)

@@ -1,17 +1,49 @@
-"""TODO."""
+"""The verb ``grasps``: a contact sheet of the reference grasps."""
 
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 from graspcast.cli.console import print_table, print_text, progress_bar
+from graspcast.cli.options import (
+    Verbs,
+    add_bop,
+    add_out,
+    add_tables,
+    bop_dirs_of,
+    field_size,
+    new_verb,
+    note_software_drawing,
+)
 from graspcast.errors import InputError
 
-if TYPE_CHECKING:
-    pass
+__all__ = ["add"]
 
-__all__ = []
+
+def add(verbs: Verbs) -> None:
+    """Add the verb ``grasps``."""
+    verb = new_verb(
+        verbs,
+        "grasps",
+        _grasps,
+        "a contact sheet of the reference grasps",
+        "Try every reference grasp with a perfect estimate and draw the hand closed on the object\n"
+        "with the outcome below: objects by grippers, the paper's Figure 2.",
+    )
+    add_bop(verb)
+    verb.add_argument("--objects", metavar="NAME", nargs="+", default=[], help="only these")
+    verb.add_argument(
+        "--gripper",
+        metavar="NAME",
+        action="append",
+        default=[],
+        help="only these, or an own one's .toml; may be repeated",
+    )
+    add_tables(verb)
+    verb.add_argument(
+        "--size", metavar="PIXELS", type=field_size, default=320, help="of a field (default: 320)"
+    )
+    add_out(verb, "the sheet (.png)")
 
 
 def _grasps(options: argparse.Namespace) -> None:
@@ -28,14 +60,14 @@ def _grasps(options: argparse.Namespace) -> None:
     catalogue = read_catalogue(options.catalogue)
     entries = [catalogue[name] for name in options.objects or catalogue]
     grippers = [load_gripper(name) for name in options.gripper or GRIPPERS]
-    _tell_drawer()
+    note_software_drawing()
     with progress_bar("drawing") as move:
         cells = draw_cells(
             entries,
             grippers,
             read_grasps(options.grasps),
             catalogue=catalogue,
-            bop_dirs=_bop_dirs(options),
+            bop_dirs=bop_dirs_of(options),
             size=options.size,
             collision=options.collision,
             progress=move,

@@ -1,16 +1,31 @@
-"""TODO."""
+"""The verb ``import-release``: the paper authors' release as BOP files."""
 
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from graspcast.cli.console import print_text
+from graspcast.cli.options import (
+    Verbs,
+    new_verb,
+)
 
-if TYPE_CHECKING:
-    pass
+__all__ = ["add"]
 
-__all__ = []
+
+def add(verbs: Verbs) -> None:
+    """Add the verb ``import-release``."""
+    verb = new_verb(
+        verbs,
+        "import-release",
+        _import_release,
+        "turn the paper authors' release into BOP files",
+        "Turn a checkout of the paper authors' repository into BOP results CSVs, ground truth,\n"
+        "outcomes and split, one folder a dataset; every pose comes back exactly.",
+    )
+    verb.add_argument("release", metavar="RELEASE_DIR", type=Path, help="the checkout")
+    verb.add_argument("out", metavar="OUT_DIR", type=Path, help="where lmo/ and ycbv/ are made")
 
 
 def _import_release(options: argparse.Namespace) -> None:

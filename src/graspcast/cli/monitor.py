@@ -1,29 +1,27 @@
-"""TODO."""
+"""The verb ``monitor``: whether a certificate still holds."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text
 from graspcast.cli.options import (
     Verbs,
     add_json,
-    add_verb,
+    count,
+    new_verb,
     share,
     write_json,
 )
 from graspcast.errors import InputError
 
-if TYPE_CHECKING:
-    pass
-
-__all__ = []
+__all__ = ["add"]
 
 
-def _add_monitor(verbs: Verbs) -> None:
-    verb = add_verb(
+def add(verbs: Verbs) -> None:
+    """Add the verb ``monitor``."""
+    verb = new_verb(
         verbs,
         "monitor",
         _monitor,
@@ -54,7 +52,7 @@ def _add_monitor(verbs: Verbs) -> None:
     verb.add_argument(
         "--most-attempts",
         metavar="N",
-        type=_count,
+        type=count,
         help="units count by their attempts, of which none has more (default: all alike)",
     )
     verb.add_argument(

@@ -3,51 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-from graspcast.cli.console import note
-from graspcast.cli.options import (
-    Verbs,
-    add_inputs,
-    add_json,
-    add_out,
-    add_outcomes,
-    add_strange,
-    add_verb,
-    inputs_of,
-    share,
-    write_json,
-)
-from graspcast.errors import InputError
-
-if TYPE_CHECKING:
-    pass
-
-import argparse
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from graspcast.cli.console import note
-from graspcast.cli.options import (
-    Verbs,
-    add_bop,
-    add_estimates,
-    add_out,
-    add_verb,
-    field_size,
-    scene_and_image,
-)
-from graspcast.errors import InputError
-
-if TYPE_CHECKING:
-    pass
-
-import argparse
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from graspcast.cli.console import note
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:
@@ -62,9 +22,13 @@ __all__ = [
     "add_out",
     "add_outcomes",
     "add_strange",
-    "add_verb",
+    "add_tables",
+    "bop_dirs_of",
+    "count",
     "field_size",
     "inputs_of",
+    "new_verb",
+    "note_software_drawing",
     "positive",
     "scene_and_image",
     "share",
@@ -74,7 +38,7 @@ __all__ = [
 Verbs = Any  # argparse's sub-parsers action has no public name
 
 
-def add_verb(
+def new_verb(
     verbs: Verbs,
     name: str,
     run: Callable[[argparse.Namespace], int | None],
@@ -262,18 +226,21 @@ def write_json(path: Path | None, content: Any) -> None:
     write_text(path, text + "\n")
 
 
-def _bop_dirs(options: argparse.Namespace) -> dict[str, Path]:
+def bop_dirs_of(options: argparse.Namespace) -> dict[str, Path]:
+    """Return the BOP directories that ``--bop`` names, by dataset."""
     return {name or root.resolve().name: root for name, root in options.bop}
 
 
-def _tell_drawer() -> None:
+def note_software_drawing() -> None:
+    """Say so where pictures are drawn without OpenGL."""
     from graspcast.rendering.backend import why_software
 
     if reason := why_software():
         note(f"drawn in software; with OpenGL it would be quicker, but {reason}")
 
 
-def _add_tables(verb: argparse.ArgumentParser) -> None:
+def add_tables(verb: argparse.ArgumentParser) -> None:
+    """Add ``--grasps``, ``--catalogue`` and ``--collision``."""
     verb.add_argument("--grasps", metavar="FILE", type=Path, help="own reference grasps (TOML)")
     verb.add_argument("--catalogue", metavar="FILE", type=Path, help="own objects (TOML)")
     verb.add_argument(
@@ -281,7 +248,8 @@ def _add_tables(verb: argparse.ArgumentParser) -> None:
     )
 
 
-def _count(text: str) -> int:
+def count(text: str) -> int:
+    """Parse a whole number from 0."""
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"a whole number, 0 or more, is needed, not {text!r}")
     return int(text)

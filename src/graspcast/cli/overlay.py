@@ -11,9 +11,9 @@ from graspcast.cli.options import (
     Verbs,
     add_inputs,
     add_out,
-    add_verb,
     field_size,
     inputs_of,
+    new_verb,
     scene_and_image,
 )
 from graspcast.errors import InputError, UnknownNameError
@@ -21,12 +21,12 @@ from graspcast.errors import InputError, UnknownNameError
 if TYPE_CHECKING:
     from graspcast.bop.dataset import BopDataset
 
-__all__ = ["add_verbs"]
+__all__ = ["add"]
 
 
-def add_verbs(verbs: Verbs) -> None:
-    """Add this module's verb."""
-    verb = add_verb(
+def add(verbs: Verbs) -> None:
+    """Add the verb ``overlay``."""
+    verb = new_verb(
         verbs,
         "overlay",
         _overlay,

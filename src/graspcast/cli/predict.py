@@ -13,8 +13,8 @@ from graspcast.cli.options import (
     add_inputs,
     add_out,
     add_strange,
-    add_verb,
     inputs_of,
+    new_verb,
     share,
 )
 from graspcast.errors import MismatchError
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from graspcast.forecasting.forecaster import Forecaster
     from graspcast.forecasting.verdict import VerdictRow
 
-__all__ = ["add_verbs"]
+__all__ = ["add"]
 
 
-def add_verbs(verbs: Verbs) -> None:
-    """Add this module's verb."""
-    verb = add_verb(
+def add(verbs: Verbs) -> None:
+    """Add the verb ``predict``."""
+    verb = new_verb(
         verbs,
         "predict",
         _predict,

@@ -7,14 +7,14 @@ import tempfile
 from pathlib import Path
 
 from graspcast.cli.console import print_text, progress_bar
-from graspcast.cli.options import Verbs, add_out, add_verb
+from graspcast.cli.options import Verbs, add_out, new_verb
 
-__all__ = ["add_verbs"]
+__all__ = ["add"]
 
 
-def add_verbs(verbs: Verbs) -> None:
-    """Add this module's verb."""
-    verb = add_verb(
+def add(verbs: Verbs) -> None:
+    """Add the verb ``render``."""
+    verb = new_verb(
         verbs,
         "render",
         _render,

@@ -1,19 +1,49 @@
-"""TODO."""
+"""The verb ``reproduce``: the paper's tables beside ours."""
 
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from graspcast.cli.console import print_text, progress_bar
 from graspcast.cli.options import (
+    Verbs,
+    add_json,
+    add_outcomes,
+    new_verb,
+    positive,
     write_json,
 )
 
-if TYPE_CHECKING:
-    pass
+__all__ = ["add"]
 
-__all__ = []
+
+def add(verbs: Verbs) -> None:
+    """Add the verb ``reproduce``."""
+    verb = new_verb(
+        verbs,
+        "reproduce",
+        _reproduce,
+        "the paper's Tables I to III beside ours",
+        "Print the paper's Tables I, II and III as paper | ours | difference, and below Table III\n"
+        "the same networks by honest protocols, as Markdown.",
+    )
+    verb.add_argument(
+        "--data",
+        metavar="DIR",
+        type=Path,
+        required=True,
+        help="holds published/ (what import-release writes), bop/, and raw/ if there is one",
+    )
+    verb.add_argument(
+        "--seeds", metavar="N", type=positive, default=1, help="train with so many seeds"
+    )
+    add_outcomes(
+        verb,
+        required=False,
+        what="outcomes of one's own (a campaign's directory) instead of the published ones",
+    )
+    add_json(verb)
 
 
 def _reproduce(options: argparse.Namespace) -> None:

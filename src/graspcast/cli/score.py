@@ -6,14 +6,14 @@ import argparse
 from pathlib import Path
 
 from graspcast.cli.console import note, print_table
-from graspcast.cli.options import Verbs, add_json, add_outcomes, add_verb, write_json
+from graspcast.cli.options import Verbs, add_json, add_outcomes, new_verb, write_json
 
-__all__ = ["add_verbs"]
+__all__ = ["add"]
 
 
-def add_verbs(verbs: Verbs) -> None:
-    """Add this module's verb."""
-    verb = add_verb(
+def add(verbs: Verbs) -> None:
+    """Add the verb ``score``."""
+    verb = new_verb(
         verbs,
         "score",
         _score,

@@ -1,4 +1,4 @@
-"""Verbs about trials: ``simulate`` and ``check-gripper``."""
+"""The verb ``simulate``: grasp trials guided by estimates."""
 
 from __future__ import annotations
 
@@ -7,9 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from graspcast.cli.check_gripper import _check_gripper
 from graspcast.cli.console import note, print_table, print_text, progress_bar
-from graspcast.cli.options import Verbs, add_inputs, add_out, add_verb, inputs_of
+from graspcast.cli.options import (
+    Verbs,
+    add_inputs,
+    add_out,
+    inputs_of,
+    new_verb,
+)
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
@@ -17,12 +22,12 @@ if TYPE_CHECKING:
     from graspcast.simulation.campaign.executors import Executor
     from graspcast.simulation.grasps.table import GraspTable
 
-__all__ = ["add_verbs", "words_of"]
+__all__ = ["add"]
 
 
-def add_verbs(verbs: Verbs) -> None:
-    """Add this module's verbs."""
-    verb = add_verb(
+def add(verbs: Verbs) -> None:
+    """Add the verb ``simulate``."""
+    verb = new_verb(
         verbs,
         "simulate",
         _simulate,
@@ -61,16 +66,6 @@ def add_verbs(verbs: Verbs) -> None:
     )
     verb.add_argument("--address", metavar="URL", help="of the Ray cluster, if not found by itself")
     add_out(verb, "the campaign's directory; one that holds part of it is gone on with")
-
-    verb = add_verb(
-        verbs,
-        "check-gripper",
-        _check_gripper,
-        "whether an own gripper is fit for trials",
-        "Check that a gripper, given as MJCF with a short TOML, does what trials need of one: it\n"
-        "opens, closes, settles, holds, drops, and does the same again.",
-    )
-    verb.add_argument("gripper", metavar="FILE", help="the gripper's .toml, or a built-in's name")
 
 
 def _executor(options: argparse.Namespace) -> Executor:

@@ -1,4 +1,4 @@
-"""Verbs about learning: ``train`` and ``reproduce``."""
+"""The verb ``train``: a forecaster from estimates and outcomes."""
 
 from __future__ import annotations
 
@@ -13,51 +13,22 @@ from graspcast.cli.options import (
     add_json,
     add_out,
     add_outcomes,
-    add_verb,
     inputs_of,
+    new_verb,
     positive,
     write_json,
 )
-from graspcast.cli.reproduce import _reproduce
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
     from graspcast.forecasting.training_data import Lessons
 
-__all__ = ["add_verbs"]
+__all__ = ["add"]
 
 
-def add_verbs(verbs: Verbs) -> None:
-    """Add this module's verbs."""
-    _add_train(verbs)
-    verb = add_verb(
-        verbs,
-        "reproduce",
-        _reproduce,
-        "the paper's Tables I to III beside ours",
-        "Print the paper's Tables I, II and III as paper | ours | difference, and below Table III\n"
-        "the same networks by honest protocols, as Markdown.",
-    )
-    verb.add_argument(
-        "--data",
-        metavar="DIR",
-        type=Path,
-        required=True,
-        help="holds published/ (what import-release writes), bop/, and raw/ if there is one",
-    )
-    verb.add_argument(
-        "--seeds", metavar="N", type=positive, default=1, help="train with so many seeds"
-    )
-    add_outcomes(
-        verb,
-        required=False,
-        what="outcomes of one's own (a campaign's directory) instead of the published ones",
-    )
-    add_json(verb)
-
-
-def _add_train(verbs: Verbs) -> None:
-    verb = add_verb(
+def add(verbs: Verbs) -> None:
+    """Add the verb ``train``."""
+    verb = new_verb(
         verbs,
         "train",
         _train,

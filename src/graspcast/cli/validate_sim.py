@@ -1,4 +1,4 @@
-"""TODO."""
+"""The verb ``validate-sim``: simulated against published outcomes."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 
 from graspcast.cli.console import print_text, progress_bar
 from graspcast.cli.options import (
+    Verbs,
+    add_json,
+    new_verb,
     write_json,
 )
 from graspcast.cli.simulate import words_of
@@ -15,10 +18,37 @@ from graspcast.cli.simulate import words_of
 if TYPE_CHECKING:
     from graspcast.simulation.grasps.observed_trials import LabelledTrials
 
-__all__ = []
+__all__ = ["add", "published_trials"]
 
 
-def _published_trials(directory: Path) -> tuple[LabelledTrials, dict[str, Path]]:
+def add(verbs: Verbs) -> None:
+    """Add the verb ``validate-sim``."""
+    verb = new_verb(
+        verbs,
+        "validate-sim",
+        _validate_sim,
+        "simulate every published trial and compare",
+        "Simulate every trial that was published and print Table I (paper | ours) and, for each\n"
+        "object and gripper, how well the outcomes agree on the images that took no part in\n"
+        "fitting or choosing grasps. Started again, it goes on from where it was.",
+    )
+    verb.add_argument(
+        "--data",
+        metavar="DIR",
+        type=Path,
+        required=True,
+        help="holds published/ (what import-release writes) and bop/",
+    )
+    verb.add_argument("--grasps", metavar="FILE", type=Path, help="beside the built-in grasps")
+    verb.add_argument("--workers", metavar="N", type=int, help="default: all cores")
+    verb.add_argument(
+        "--out", metavar="DIR", type=Path, help="the campaign (default: beside --json or here)"
+    )
+    add_json(verb)
+
+
+def published_trials(directory: Path) -> tuple[LabelledTrials, dict[str, Path]]:
+    """Return the published trials, and the datasets' BOP directories."""
     from graspcast.bop.results import read_results
     from graspcast.paper.dataset import DATASETS, ESTIMATORS, Published
     from graspcast.simulation.grasps.observed_trials import labelled_trials
@@ -41,7 +71,7 @@ def _validate_sim(options: argparse.Namespace) -> None:
     from graspcast.simulation.grasps.search import jitter_held
     from graspcast.simulation.grasps.table import read_grasps
 
-    trials, bop_dirs = _published_trials(options.data)
+    trials, bop_dirs = published_trials(options.data)
     grasps = read_grasps(options.grasps)
     pairs = load_pairs(trials.requests, grasps, bop_dirs=bop_dirs)
     directory = options.out or (options.json or Path("validation.json")).with_suffix(".campaign")

@@ -1,4 +1,4 @@
-"""Verbs for looking at trials: ``watch`` and ``grasps``."""
+"""The verb ``watch``: one grasp trial as a film, or in a window."""
 
 from __future__ import annotations
 
@@ -7,17 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from graspcast.cli.console import note, print_text, progress_bar
-from graspcast.cli.grasps import _grasps
 from graspcast.cli.options import (
     Verbs,
-    _add_tables,
-    _bop_dirs,
-    _tell_drawer,
     add_bop,
     add_estimates,
-    add_out,
-    add_verb,
-    field_size,
+    add_tables,
+    bop_dirs_of,
+    new_verb,
+    note_software_drawing,
     scene_and_image,
 )
 from graspcast.errors import InputError
@@ -30,12 +27,12 @@ if TYPE_CHECKING:
     from graspcast.simulation.trial.recording import Recording
     from graspcast.simulation.trial.trial import TrialRunner
 
-__all__ = ["add_verbs"]
+__all__ = ["add"]
 
 
-def add_verbs(verbs: Verbs) -> None:
-    """Add this module's verbs."""
-    verb = add_verb(
+def add(verbs: Verbs) -> None:
+    """Add the verb ``watch``."""
+    verb = new_verb(
         verbs,
         "watch",
         _watch,
@@ -69,7 +66,7 @@ def add_verbs(verbs: Verbs) -> None:
         type=float,
         help="the estimate's error in the object's frame: mm, and a rotation vector in degrees",
     )
-    _add_tables(verb)
+    add_tables(verb)
     verb.add_argument(
         "--full", action="store_true", help="the whole lift, not only until the outcome is certain"
     )
@@ -80,29 +77,6 @@ def add_verbs(verbs: Verbs) -> None:
         help="pixels of a picture (default: 640x480, in a strip 400x480)",
     )
     verb.add_argument("--out", metavar="PATH", type=Path, help=".mp4, .gif, or .png for a strip")
-
-    verb = add_verb(
-        verbs,
-        "grasps",
-        _grasps,
-        "a contact sheet of the reference grasps",
-        "Try every reference grasp with a perfect estimate and draw the hand closed on the object\n"
-        "with the outcome below: objects by grippers, the paper's Figure 2.",
-    )
-    add_bop(verb)
-    verb.add_argument("--objects", metavar="NAME", nargs="+", default=[], help="only these")
-    verb.add_argument(
-        "--gripper",
-        metavar="NAME",
-        action="append",
-        default=[],
-        help="only these, or an own one's .toml; may be repeated",
-    )
-    _add_tables(verb)
-    verb.add_argument(
-        "--size", metavar="PIXELS", type=field_size, default=320, help="of a field (default: 320)"
-    )
-    add_out(verb, "the sheet (.png)")
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -139,7 +113,7 @@ def _watch(options: argparse.Namespace) -> None:
     gripper = load_gripper(options.gripper)
     reference = read_grasps(options.grasps)(name, gripper.name)
     obj_T_est = _estimate(options, catalogue[name])
-    target = load_object(name, bop_dirs=_bop_dirs(options), catalogue=catalogue)
+    target = load_object(name, bop_dirs=bop_dirs_of(options), catalogue=catalogue)
     runner = TrialRunner(reference.applied_to(target), gripper)
     recording = record_trial(runner, obj_T_est, reference.grasp, early_stop=not options.full)
     outcome = recording.outcome
@@ -164,7 +138,7 @@ def _draw(
     from graspcast.rendering.trials.film import save_film, save_strip
     from graspcast.rendering.trials.renderer import SceneRenderer
 
-    _tell_drawer()
+    note_software_drawing()
     strip = options.out.suffix.lower() == ".png"
     width, height = options.size or ((400, 480) if strip else (640, 480))
     with SceneRenderer(

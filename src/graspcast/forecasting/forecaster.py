@@ -32,7 +32,7 @@ from graspcast.forecasting.novelty import Familiarity
 from graspcast.forecasting.verdict import STRANGE, Verdict, check_threshold, decide
 from graspcast.io.files import atomic_write
 
-__all__ = ["Forecaster", "KINDS"]
+__all__ = ["KINDS", "Forecaster"]
 
 KINDS: Mapping[str, Any] = {
     "blend": Blend,

@@ -13,8 +13,8 @@ from graspcast.estimates.instances import scene_groups
 from graspcast.forecasting.samples import Samples
 
 __all__ = [
-    "Fold",
     "VALIDATION_SHARE",
+    "Fold",
     "by_object",
     "by_scene",
     "validation_part",

@@ -28,10 +28,10 @@ from graspcast.forecasting.splits import validation_part
 
 __all__ = [
     "CONFIGURATIONS",
+    "PROTOCOLS",
     "Cell",
     "CellKey",
     "Configuration",
-    "PROTOCOLS",
     "Protocol",
     "run",
 ]

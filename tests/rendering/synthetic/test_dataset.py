@@ -278,7 +278,7 @@ def test_without_opengl_one_message_and_nothing_written(models: Path, tmp_path: 
         "--scenes",
         "1",
     ]
-    source = str(Path(__file__).parents[2] / "src")
+    source = str(Path(__file__).parents[3] / "src")
     clean = {k: v for k, v in os.environ.items() if not k.startswith(("MUJOCO", "PYOPENGL"))}
     done = subprocess.run(
         [*command, "--out", str(tmp_path / "out")],

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from campaign_script import make_requests
 
 import graspcast.errors
+from campaign_script import make_requests
 from graspcast.errors import ExtraMissingError
 from graspcast.simulation.campaign.campaign import Progress, run_campaign
 from graspcast.simulation.campaign.executors import LocalExecutor, RayExecutor

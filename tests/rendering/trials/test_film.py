@@ -15,7 +15,6 @@ import mujoco
 import numpy as np
 import pytest
 from PIL import Image
-from solids import IDENTITY, box, from_above
 
 from graspcast.cli import main
 from graspcast.errors import ExtraMissingError
@@ -29,8 +28,9 @@ from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.objects.types import Grasp
 from graspcast.simulation.trial.recording import Recording, record_trial
 from graspcast.simulation.trial.trial import TrialRunner
+from solids import IDENTITY, box, from_above
 
-SOURCE = Path(__file__).parents[2] / "src"
+SOURCE = Path(__file__).parents[3] / "src"
 SIZE = 96
 MISS = transform(np.eye(3), np.array([0.2, 0.0, 0.0]))
 OFF = transform(np.eye(3), np.array([0.0, 0.015, 0.0]))

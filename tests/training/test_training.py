@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
 
 from graspcast.bop.models import ModelInfo  # noqa: E402
 from graspcast.perception.crops import Crop  # noqa: E402
 from graspcast.perception.dense import _expected  # noqa: E402
 from graspcast.perception.keypoints import _peaks  # noqa: E402
-from graspcast.pose.transforms import rotation_from_vector, transform
-from graspcast.rendering.synthetic.camera import INTRINSICS as K
-from graspcast.rendering.synthetic.tabletop import ColouredMesh
+from graspcast.pose.transforms import rotation_from_vector, transform  # noqa: E402
+from graspcast.rendering.synthetic.camera import INTRINSICS as K  # noqa: E402
+from graspcast.rendering.synthetic.tabletop import ColouredMesh  # noqa: E402
 from poses import random_poses  # noqa: E402
 from training.crops import CELLS as STORED  # noqa: E402
 from training.crops import PIXELS as STORED_PIXELS  # noqa: E402

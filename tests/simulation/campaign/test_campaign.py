@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-from campaign_script import make_requests
 
 import graspcast.errors
+from campaign_script import make_requests
 from graspcast.errors import (
     CampaignStoppedError,
     FormatError,
@@ -33,7 +33,7 @@ from graspcast.simulation.campaign.store import COLUMNS, Store
 from graspcast.simulation.grasps.table import read_grasps
 from graspcast.simulation.trial.trial import TrialSettings
 
-SCRIPT = Path(__file__).with_name("campaign_script.py")
+SCRIPT = Path(__file__).parents[2] / "campaign_script.py"
 ONE = LocalExecutor(1)
 
 

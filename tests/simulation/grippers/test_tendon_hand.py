@@ -7,13 +7,13 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from solids import IDENTITY, box, cylinder, from_above, sphere
 
 from graspcast.errors import InputError
 from graspcast.pose.transforms import transform
 from graspcast.simulation.grippers import TendonHand
 from graspcast.simulation.objects.types import Grasp, GraspObject
 from graspcast.simulation.trial.trial import TrialRunner
+from solids import IDENTITY, box, cylinder, from_above, sphere
 
 DIGITS = ("thumb", "upper", "lower")
 

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 from numpy import ndarray
-from solids import IDENTITY, box, cylinder, errors, from_above, raised, sphere
 
 from graspcast.errors import InputError, MismatchError
 from graspcast.pose.transforms import exp, invert, transform
@@ -23,6 +22,7 @@ from graspcast.simulation.objects.types import Grasp, GraspObject, Primitive
 from graspcast.simulation.trial import trial as trial_module
 from graspcast.simulation.trial.scene import HAND, Scene
 from graspcast.simulation.trial.trial import REASONS, Outcome, TrialRunner, TrialSettings
+from solids import IDENTITY, box, cylinder, errors, from_above, raised, sphere
 
 HEIGHTS = {"parallel": 0.025, "underactuated": 0.005}
 GRIPPERS = sorted(HEIGHTS)

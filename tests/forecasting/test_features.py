@@ -242,7 +242,7 @@ def test_released_add_differences(data_dir: Path, published: Path) -> None:
 
 
 def test_the_documentation_lists_every_feature() -> None:
-    text = (Path(__file__).parents[1] / "docs" / "features.md").read_text()
+    text = (Path(__file__).parents[2] / "docs" / "features.md").read_text()
     rows = [line.split("|") for line in text.splitlines() if line.startswith("| `")]
     documented = {row[1].strip(" `"): (row[2].strip(), row[3].strip()) for row in rows}
     assert documented == {name: describe(name) for name in documented}

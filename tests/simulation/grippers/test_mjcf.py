@@ -12,7 +12,6 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from solids import IDENTITY, box, from_above
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.pose.transforms import transform
@@ -21,8 +20,9 @@ from graspcast.simulation.grippers.protocol import Closing, Equilibrium, Gripper
 from graspcast.simulation.objects.types import Grasp
 from graspcast.simulation.trial.gripper_conformance import check_gripper
 from graspcast.simulation.trial.trial import TrialRunner
+from solids import IDENTITY, box, from_above
 
-THREE_JAW = Path(__file__).parent / "data" / "three_jaw.toml"
+THREE_JAW = Path(__file__).parents[2] / "data" / "three_jaw.toml"
 
 
 # The Franka Hand

@@ -17,7 +17,7 @@ from graspcast.paper.dataset import Published
 from graspcast.paper.release import read_add_differences
 from graspcast.paper.tables import baseline_accuracy
 
-ORACLE = Path(__file__).parents[1] / "data" / "published_baseline.json"
+ORACLE = Path(__file__).parents[2] / "data" / "published_baseline.json"
 NO_PARALLEL_GRASP = {f"{p}/lmo-10/parallel" for p in ("epos", "gdrnpp", "zebrapose")}
 
 # Few distinct values, so that ties are common.

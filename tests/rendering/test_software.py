@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 import pytest
-from solids import box
 
 from graspcast.pose.transforms import rotation_from_vector, transform
 from graspcast.rendering.backend import Drawer, open_drawer, why_software
@@ -16,6 +15,7 @@ from graspcast.rendering.software import SoftwareDrawer
 from graspcast.rendering.trials.appearance import Appearance
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.trial.recording import State
+from solids import box
 
 WIDTH, HEIGHT = 160, 120
 SHAPES = """

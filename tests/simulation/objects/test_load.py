@@ -17,7 +17,7 @@ from graspcast.simulation.objects.types import ConvexPiece, GraspObject, Primiti
 
 NAMES = list(read_catalogue())
 MUG = """
-[load.mug]
+[objects.mug]
 label = "my mug"
 mesh = "mug.stl"
 mass_kg = 0.3
@@ -142,7 +142,7 @@ def test_a_licence_that_forbids_and_a_package_that_is_missing(
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("mass_kg = 0.3", "mass_kg = 0", r"load.mug: mass_kg is 0.0, and must be .* above zero"),
+        ("mass_kg = 0.3", "mass_kg = 0", r"objects.mug: mass_kg is 0.0, and must be .* above zero"),
         ("friction = 0.6", "friction = -1", "friction is -1.0"),
         ("friction = 0.6", "friction = nan", "friction is nan"),
         ("mass_kg = 0.3", "mass_kg = 'heavy'", "mass_kg should be a number, not 'heavy'"),
@@ -156,8 +156,8 @@ def test_a_licence_that_forbids_and_a_package_that_is_missing(
         ("pieces = 1", "primitives = [{kind='cone', size_m=[1]}]", "kind is 'cone'; known: box"),
         ("pieces = 1", "primitives = [{kind='box', size_m=[1, 2]}]", "size_m should be 3"),
         ("pieces = 1", "primitives = [{kind='sphere', size_m=[0]}]", "size_m is"),
-        ("[load.mug]", "[object.mug]", r"has no \[load.NAME\] table"),
-        ("[load.mug]", "[load.mug", "is not TOML"),
+        ("[objects.mug]", "[object.mug]", r"has no \[objects.NAME\] table"),
+        ("[objects.mug]", "[objects.mug", "is not TOML"),
     ],
 )
 def test_a_catalogue_that_is_wrong(mug: Path, old: str, new: str, message: str) -> None:

@@ -7,7 +7,6 @@ import polars as pl
 import pytest
 from jaxtyping import Float
 from numpy import ndarray
-from solids import box
 
 from graspcast.errors import InputError
 from graspcast.pose.transforms import exp, invert, transform_points
@@ -25,6 +24,7 @@ from graspcast.simulation.grasps.search import (
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.objects.types import Grasp, GraspObject
 from graspcast.simulation.trial.trial import TrialRunner
+from solids import box
 
 SMALL = SearchEffort(proposals=60, racers=6, children=3, first=6, last=24, choose=24)
 HANDS = ("parallel", "underactuated")

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graspcast.learning
+import graspcast.io
 from graspcast.errors import InputError, MismatchError
 from graspcast.forecasting.models.mlp.kernel import batch_gradient
 from graspcast.forecasting.models.mlp.network import Mlp
@@ -297,7 +297,7 @@ def in_another_process(program: str, source: Path, **environment: str) -> str:
     return done.stdout
 
 
-SOURCE = Path(graspcast.learning.__file__).parents[2]
+SOURCE = Path(graspcast.io.__file__).parents[2]
 
 
 def test_importing_does_not_import_the_compiler() -> None:

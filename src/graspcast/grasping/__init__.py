@@ -1,1 +1,0 @@
-"""Grasp trials in simulation: objects, grippers, reference grasps, trials and their outcomes."""

@@ -1,1 +1,0 @@
-"""Learning from outcomes: samples, the baseline, the networks, the forecaster and their scores."""
