@@ -236,7 +236,7 @@ def test_blocks_of_frames_are_cut_as_in_training(
         return SimpleNamespace(card=forecaster.card, probability=probability)
 
     training_of = train.train_forecaster
-    monkeypatch.setattr(training, "train_forecaster", spy)
+    monkeypatch.setattr("graspcast.evaluation.cross_validation.train_forecaster", spy)
     given = tried.lessons("a")
     probability = cross_validated(given, folds=3, method="threshold", models=models)
     assert sorted(judged) == list(range(60))

@@ -312,7 +312,7 @@ def test_each_object_is_scored_by_a_forecaster_that_has_not_seen_it(
         seen.append(forecaster.card.objects)
         return forecaster
 
-    monkeypatch.setattr("graspcast.forecasting.train.train_forecaster", spy)
+    monkeypatch.setattr("graspcast.evaluation.cross_validation.train_forecaster", spy)
     options: dict[str, Any] = {"method": method, "models": models, "settings": SHORT}
     found = cross_validate(given, by="object", **options)
     assert seen == [("d-2",), ("d-1",)]

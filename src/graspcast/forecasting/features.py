@@ -11,8 +11,8 @@ Three sets:
 - ``rich``: differences seen from the principal's object frame, with the supporter's pose turned by
   the object's symmetry that brings it nearest; along the viewing ray and across it, relative to the
   depth; ADD; differences among supporters; the viewing direction and the depth.
-- ``full``: those, and the differences in the principal's ray frame (:mod:`graspcast.pose.ray_frame`), which
-  know nothing of the object, so that what is learned on one holds for another.
+- ``full``: those, and the differences in the principal's ray frame
+  (:mod:`graspcast.pose.ray_frame`), which know nothing of the object, so that what is learned on one holds for another.
 """
 
 from __future__ import annotations

@@ -151,7 +151,8 @@ def lessons(
         outcomes: As :func:`graspcast.estimates.outcomes.read_outcomes` returns them, or None.
         principal: Whose grasps are to be forecast.
         gripper: The gripper.
-        truth: ``cam_T_obj``, NaN where unknown; from :func:`graspcast.estimates.matching.true_poses`.
+        truth: ``cam_T_obj``, NaN where unknown;
+            from :func:`~graspcast.estimates.matching.true_poses`.
         simulated: Simulated trials of the gripper.
 
     Raises:

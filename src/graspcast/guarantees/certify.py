@@ -1,8 +1,8 @@
 """Certifying: from calibration trials to a threshold at which a success rate can be promised.
 
 Learn-then-Test (Angelopoulos, Bates, Candès, Jordan, Lei: arXiv 2110.01052, 2021): thresholds are
-tested in a sequence that was fixed without the calibration data (:mod:`graspcast.guarantees.threshold_sequence`), each
-by an exact binomial test.
+tested in a sequence that was fixed without the calibration data
+(:mod:`graspcast.guarantees.threshold_sequence`), each by an exact binomial test.
 
 **What is independent.** Trials in one scene are not: they share light, clutter and camera. Units
 (scenes, or images) are what is drawn anew, so each unit bears *one* piece of evidence: one of its

@@ -134,7 +134,7 @@ def test_a_licence_that_forbids_and_a_package_that_is_missing(
 ) -> None:
     with pytest.raises(InputError, match="give the BOP directory of lmo"):
         load_object("lmo-1")
-    monkeypatch.setattr(objects, "find_spec", lambda name: None)
+    monkeypatch.setattr("graspcast.simulation.objects.load.find_spec", lambda name: None)
     with pytest.raises(ExtraMissingError, match=r"graspcast\[ycb\]"):
         load_object("ycbv-4")
 

@@ -218,7 +218,7 @@ def _expected(
             leaf = right[walk(rows[i], roots[tree], feature, threshold, right)] + offset[tree]
             size = first[leaf + 1] - first[leaf]
             drawn = truth[members[first[leaf] + int(places[draw] * size)]]
-            # As in graspcast.pose.ray_frame.error_along; a rotation vector in the ray frame, turned about,
+            # As in pose.ray_frame.error_along; a rotation vector in the ray frame, turned about,
             # is that of the error in the object's.
             _exp(drawn[3:], turn)
             A, row = axes[i], inputs[draw]

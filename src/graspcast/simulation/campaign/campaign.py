@@ -85,7 +85,8 @@ def run_campaign(
         progress: Called after every few trials.
 
     Returns:
-        All outcomes, in the columns of :data:`~graspcast.simulation.campaign.store.COLUMNS`, sorted by keys.
+        All outcomes, sorted by keys, in the columns of
+        :data:`~graspcast.simulation.campaign.store.COLUMNS`.
 
     Raises:
         MismatchError: if the directory holds a campaign of another configuration.

@@ -13,7 +13,7 @@
     open = { drive = 0.0 }         # one entry for each actuator of the model
     close = { drive = 0.04 }
 
-    [equilibrium]                  # optional, see graspcast.simulation.grippers.protocol.Equilibrium
+    [equilibrium]                  # optional, see grippers.protocol.Equilibrium
     limit_s = 3.0
 """
 
