@@ -21,8 +21,8 @@ import numpy as np
 from graspcast import (
     Estimates,
     Forecaster,
-    Lessons,
     NetworkSettings,
+    TrainingData,
     Verdict,
     train_forecaster,
 )
@@ -113,12 +113,12 @@ def main() -> None:
             time_it(forecaster, name, estimates, models, paths)
 
 
-def made_up_lessons(estimates: Estimates, rng: np.random.Generator) -> Lessons:
+def made_up_lessons(estimates: Estimates, rng: np.random.Generator) -> TrainingData:
     """Truths near the estimates, and grasps that forgive errors of about a centimetre."""
     truth = estimates.of("first").copy()
     truth[:, :3, 3] += rng.normal(scale=0.01, size=(len(truth), 3))
     off = np.linalg.norm(estimates.cam_T_obj[:, :, :3, 3] - truth[:, :3, 3], axis=2)
-    return Lessons(estimates, "first", "parallel", truth, (off < 0.02).astype(float))
+    return TrainingData(estimates, "first", "parallel", truth, (off < 0.02).astype(float))
 
 
 def time_it(

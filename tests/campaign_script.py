@@ -15,7 +15,7 @@ from graspcast.errors import GraspcastError
 from graspcast.pose.transforms import exp
 from graspcast.simulation.campaign.campaign import run_campaign
 from graspcast.simulation.campaign.executors import LocalExecutor
-from graspcast.simulation.campaign.jobs import load_pairs
+from graspcast.simulation.campaign.jobs import load_setups
 from graspcast.simulation.campaign.requests import KEY_COLUMNS, TrialRequests
 from graspcast.simulation.grasps.table import read_grasps
 
@@ -31,7 +31,7 @@ def make_requests(count: int, grippers: tuple[str, ...] = ("parallel",)) -> Tria
 def main() -> int:
     directory, count, workers = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     requests = make_requests(count)
-    pairs = load_pairs(requests, read_grasps())
+    pairs = load_setups(requests, read_grasps())
     if sys.argv[4:] == ["limit"]:
         import resource
 

@@ -13,7 +13,7 @@ from graspcast.bop.models import Models
 from graspcast.estimates.alignment import Estimates
 from graspcast.evaluation.benchmark import Benchmark
 from graspcast.forecasting.samples import Samples
-from graspcast.forecasting.training_data import ErrorOutcomes, Lessons
+from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
 from poses import nudged, random_poses
 
 
@@ -94,7 +94,7 @@ def true_poses(n: int, seed: int = 0) -> np.ndarray:
     return random_poses(n, seed)
 
 
-def lessons(n: int = 120, *, seed: int = 0, **options: object) -> Lessons:
+def training_data(n: int = 120, *, seed: int = 0, **options: object) -> TrainingData:
     """Grasps guided by any estimator hold where its error is below 20 mm along the object's x."""
     given = estimates(n, seed=seed, **options)  # type: ignore[arg-type]
     truth = true_poses(n, seed)
@@ -104,7 +104,7 @@ def lessons(n: int = 120, *, seed: int = 0, **options: object) -> Lessons:
     poses[0, far] = nudged(poses[0, far], seed + 77, metres=0.05, radians=0.4)
     given = dataclasses.replace(given, cam_T_obj=poses)
     error = np.linalg.inv(truth) @ given.cam_T_obj
-    return Lessons(given, given.estimators[0], "parallel", truth, holds(error).astype(float))
+    return TrainingData(given, given.estimators[0], "parallel", truth, holds(error).astype(float))
 
 
 def holds(obj_T_est: np.ndarray) -> np.ndarray:
@@ -112,7 +112,7 @@ def holds(obj_T_est: np.ndarray) -> np.ndarray:
     return np.abs(obj_T_est[..., 0, 3]) < 0.02
 
 
-def error_outcomes(n: int, name: str, *, seed: int = 0) -> ErrorOutcomes:
+def error_outcomes(n: int, name: str, *, seed: int = 0) -> SimulatedTrials:
     """Simulated trials of an object by random errors."""
     error = nudged(np.tile(np.eye(4), (n, 1, 1)), seed, metres=0.03, radians=0.2)
-    return ErrorOutcomes(np.full(n, name), error, holds(error))
+    return SimulatedTrials(np.full(n, name), error, holds(error))

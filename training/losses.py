@@ -21,12 +21,18 @@ _POINTS = 48
 class Geometry:
     """What losses know of the objects, in the order of their numbers.
 
-    Attributes:
-        low, size: Of the bounding box, metres, (o, 3).
-        diameter: Metres, (o,).
-        keypoints: On the surface, far from each other, metres, (o, KEYPOINTS, 3).
-        points: On the surface, metres, (o, _POINTS, 3).
-        symmetries: (o, s, 4, 4); the identity first, and again where an object has fewer.
+    Attributes
+    ----------
+    low, size
+        Of the bounding box, metres, (o, 3).
+    diameter
+        Metres, (o,).
+    keypoints
+        On the surface, far from each other, metres, (o, KEYPOINTS, 3).
+    points
+        On the surface, metres, (o, _POINTS, 3).
+    symmetries
+        (o, s, 4, 4); the identity first, and again where an object has fewer.
     """
 
     low: Tensor

@@ -137,8 +137,10 @@ class Direct(nn.Module):
     Output: (b, 9), two rows of the allocentric rotation and the site; and the map, (b, 3 * BINS +
     1, CELLS, CELLS), logits as those of :class:`Dense`. After GDR-Net (Wang et al., CVPR 2021).
 
-    Attributes:
-        extent: The objects' boxes in units of their diameters, (objects, 3).
+    Attributes
+    ----------
+    extent
+        The objects' boxes in units of their diameters, (objects, 3).
     """
 
     def __init__(self, objects: int):

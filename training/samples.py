@@ -20,12 +20,18 @@ from training.networks import CELLS, PIXELS
 class Batch:
     """Crops and what is true in them.
 
-    Attributes:
-        image, obj: (b, 3, PIXELS, PIXELS) in [0, 1]; places among the trained objects, (b,).
-        coordinates, mask: What each cell shows, in the object's box from 0 to 1; and whether.
-        rotation, site: Allocentric, and as in graspcast.perception.crops.
-        cam_R, translation: The true pose, metres.
-        crop, turn: Middle and side in the image, and how the crop is turned in it (b, 2, 2).
+    Attributes
+    ----------
+    image, obj
+        (b, 3, PIXELS, PIXELS) in [0, 1]; places among the trained objects, (b,).
+    coordinates, mask
+        What each cell shows, in the object's box from 0 to 1; and whether.
+    rotation, site
+        Allocentric, and as in graspcast.perception.crops.
+    cam_R, translation
+        The true pose, metres.
+    crop, turn
+        Middle and side in the image, and how the crop is turned in it (b, 2, 2).
     """
 
     image: Tensor

@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from graspcast.evaluation.cross_validation import cross_validate
     from graspcast.evaluation.estimator_comparison import Comparison, compare
     from graspcast.evaluation.scores import Scores, score
-    from graspcast.evaluation.verdict_scores import Scorecard, score_verdicts
+    from graspcast.evaluation.verdict_scores import VerdictScores, score_verdicts
     from graspcast.forecasting.features import Features, consensus_features, describe, mean_add
     from graspcast.forecasting.forecaster import Forecaster
     from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
     from graspcast.forecasting.samples import Samples, join
     from graspcast.forecasting.train import train_forecaster
-    from graspcast.forecasting.training_data import ErrorOutcomes, Lessons, lessons
+    from graspcast.forecasting.training_data import SimulatedTrials, TrainingData, training_data
     from graspcast.forecasting.verdict import (
         Verdict,
         decide,
@@ -42,10 +42,10 @@ if TYPE_CHECKING:
         verdict_rows,
         write_verdicts,
     )
-    from graspcast.guarantees.certificate import Promise, Promises
+    from graspcast.guarantees.certificate import Certificate, Guarantee
     from graspcast.guarantees.certify import certify
     from graspcast.guarantees.drift_monitor import DriftMonitor
-    from graspcast.guarantees.threshold_sequence import Sequence, learn_sequence
+    from graspcast.guarantees.threshold_sequence import ThresholdSequence, learn_sequence
     from graspcast.paper.dataset import Published
     from graspcast.paper.release import import_release
     from graspcast.paper.tables import reproduce
@@ -53,8 +53,8 @@ if TYPE_CHECKING:
     from graspcast.perception.estimator import Estimator, built_in
     from graspcast.rendering.synthetic.dataset import render_dataset
     from graspcast.simulation.campaign.campaign import run_campaign
-    from graspcast.simulation.campaign.from_estimates import guided_trials
-    from graspcast.simulation.campaign.jobs import load_pairs
+    from graspcast.simulation.campaign.from_estimates import trials_from_estimates
+    from graspcast.simulation.campaign.jobs import load_setups
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.load import load_object
@@ -101,7 +101,7 @@ _HOME = {
         "score",
     ),
     "evaluation.verdict_scores": (
-        "Scorecard",
+        "VerdictScores",
         "score_verdicts",
     ),
     "forecasting.features": (
@@ -119,9 +119,9 @@ _HOME = {
     ),
     "forecasting.train": ("train_forecaster",),
     "forecasting.training_data": (
-        "ErrorOutcomes",
-        "Lessons",
-        "lessons",
+        "SimulatedTrials",
+        "TrainingData",
+        "training_data",
     ),
     "forecasting.verdict": (
         "Verdict",
@@ -131,13 +131,13 @@ _HOME = {
         "write_verdicts",
     ),
     "guarantees.certificate": (
-        "Promise",
-        "Promises",
+        "Guarantee",
+        "Certificate",
     ),
     "guarantees.certify": ("certify",),
     "guarantees.drift_monitor": ("DriftMonitor",),
     "guarantees.threshold_sequence": (
-        "Sequence",
+        "ThresholdSequence",
         "learn_sequence",
     ),
     "paper.dataset": ("Published",),
@@ -150,8 +150,8 @@ _HOME = {
     ),
     "rendering.synthetic.dataset": ("render_dataset",),
     "simulation.campaign.campaign": ("run_campaign",),
-    "simulation.campaign.from_estimates": ("guided_trials",),
-    "simulation.campaign.jobs": ("load_pairs",),
+    "simulation.campaign.from_estimates": ("trials_from_estimates",),
+    "simulation.campaign.jobs": ("load_setups",),
     "simulation.grasps.table": ("read_grasps",),
     "simulation.grippers": ("load_gripper",),
     "simulation.objects.load": ("load_object",),

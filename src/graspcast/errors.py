@@ -46,10 +46,14 @@ class InputError(GraspcastError):
 class FormatError(InputError):
     """A file does not hold what its format promises.
 
-    Args:
-        path: The file.
-        problem: What is wrong and what to do, as one or two sentences.
-        where: A row, a key or a line in the file, where it is known.
+    Parameters
+    ----------
+    path
+        The file.
+    problem
+        What is wrong and what to do, as one or two sentences.
+    where
+        A row, a key or a line in the file, where it is known.
     """
 
     def __init__(self, path: str | PathLike[str], problem: str, *, where: str | None = None):
@@ -62,11 +66,16 @@ class FormatError(InputError):
 class UnknownNameError(InputError):
     """A name that is not among the known ones.
 
-    Args:
-        kind: What the name should have named, for example ``"estimator"``.
-        name: The name that was given.
-        known: The names that exist.
-        hint: One more sentence on what to do.
+    Parameters
+    ----------
+    kind
+        What the name should have named, for example ``"estimator"``.
+    name
+        The name that was given.
+    known
+        The names that exist.
+    hint
+        One more sentence on what to do.
     """
 
     def __init__(self, kind: str, name: object, known: Iterable[object], *, hint: str = ""):
@@ -85,10 +94,14 @@ class MismatchError(InputError):
 class EstimatorFailedError(GraspcastError):
     """An external estimator's command went wrong.
 
-    Args:
-        command: The program and its arguments.
-        problem: What happened to it.
-        last_lines: The end of what it wrote to standard error.
+    Parameters
+    ----------
+    command
+        The program and its arguments.
+    problem
+        What happened to it.
+    last_lines
+        The end of what it wrote to standard error.
     """
 
     def __init__(self, command: Sequence[str], problem: str, last_lines: Iterable[str] = ()):
@@ -110,9 +123,12 @@ class WorkerLostError(GraspcastError):
 class ExtraMissingError(GraspcastError):
     """An optional dependency is not installed.
 
-    Args:
-        package: The package that could not be imported.
-        extra: The extra of graspcast that brings it.
+    Parameters
+    ----------
+    package
+        The package that could not be imported.
+    extra
+        The extra of graspcast that brings it.
     """
 
     def __init__(self, package: str, extra: str):

@@ -14,7 +14,7 @@ from commands import refused
 from graspcast.bop.results import write_results
 from graspcast.cli import main
 from graspcast.forecasting.forecaster import Forecaster
-from graspcast.guarantees.certificate import Promises
+from graspcast.guarantees.certificate import Certificate
 from graspcast.guarantees.drift_monitor import DriftMonitor
 from poses import nudged, random_poses, results_of, write_models
 
@@ -87,14 +87,14 @@ def test_from_outcomes_to_a_promise(
     out = capsys.readouterr().out
     assert "success rate >= 0.9, confidence 0.9 (each promise for itself)" in out
     assert "made-1" in out
-    promises = Promises.load(path)
-    assert [p.scope for p in promises.promises] == ["all objects", "made-1", "made-2"]
-    assert promises.overall.threshold is not None
-    assert promises.overall.units == SCENES
-    assert promises.overall.trials == N
-    assert promises.provenance["unit"] == "scene"
-    assert promises.provenance["gripper"] == "parallel"
-    assert len(promises.provenance["model"]) == 64
+    certificate = Certificate.load(path)
+    assert [p.scope for p in certificate.guarantees] == ["all objects", "made-1", "made-2"]
+    assert certificate.overall.threshold is not None
+    assert certificate.overall.units == SCENES
+    assert certificate.overall.trials == N
+    assert certificate.provenance["unit"] == "scene"
+    assert certificate.provenance["gripper"] == "parallel"
+    assert len(certificate.provenance["model"]) == 64
     assert json.loads(figures.read_text()) == json.loads(path.read_text())
     again = tmp_path / "again.json"
     assert main(certify(world, again, "--per-object")) == 0
@@ -105,15 +105,15 @@ def test_images_units_and_families(world: Path, tmp_path: Path) -> None:
     path = tmp_path / "p.json"
     options = ["--unit", "image", "--per-object", "--simultaneous", "--others", "1"]
     assert main(certify(world, path, *options, "--weight", "unit", "--seed", "3")) == 0
-    promises = Promises.load(path)
-    assert promises.family == 4
-    assert promises.overall.confidence == pytest.approx(1 - 0.1 / 4)
-    assert promises.overall.units == N
-    assert (promises.weight, promises.seed) == ("unit", 3)
+    certificate = Certificate.load(path)
+    assert certificate.family == 4
+    assert certificate.overall.confidence == pytest.approx(1 - 0.1 / 4)
+    assert certificate.overall.units == N
+    assert (certificate.weight, certificate.seed) == ("unit", 3)
     assert main(certify(world, path, "--explore", "0.25")) == 0
-    promises = Promises.load(path)
-    assert promises.sequence.source == "20 of 80 units, spent on it"
-    assert promises.overall.units == SCENES - 20
+    certificate = Certificate.load(path)
+    assert certificate.sequence.source == "20 of 80 units, spent on it"
+    assert certificate.overall.units == SCENES - 20
 
 
 def test_what_cannot_be_promised_is_said(
@@ -122,7 +122,7 @@ def test_what_cannot_be_promised_is_said(
     path = tmp_path / "p.json"
     assert main(certify(world, path, "--rate", "0.99", "--confidence", "0.99")) == 0
     assert "no threshold can be certified" in capsys.readouterr().out
-    assert Promises.load(path).overall.threshold is None
+    assert Certificate.load(path).overall.threshold is None
     err = refused(monitor(path, tmp_path, tmp_path / "no.csv"), capsys)
     assert "promises nothing" in err
 
@@ -171,14 +171,14 @@ def test_bad_input_to_certify(
 
 
 @pytest.fixture(scope="module")
-def promise(world: Path) -> Path:
+def guarantee(world: Path) -> Path:
     path = world / "promise.json"
     assert main(certify(world, path, "--per-object", "--rate", "0.8")) == 0
     return path
 
 
-def monitor(promise: Path, tmp_path: Path, log: Path, *more: str) -> list[str]:
-    paths = ["--promise", str(promise), "--state", str(tmp_path / "s.json")]
+def monitor(guarantee: Path, tmp_path: Path, log: Path, *more: str) -> list[str]:
+    paths = ["--certificate", str(guarantee), "--state", str(tmp_path / "s.json")]
     return ["monitor", *paths, "--outcomes", str(log), *more]
 
 
@@ -199,11 +199,11 @@ def write_log(path: Path, success: list[bool], **change: object) -> Path:
 
 
 def test_a_log_that_grows_is_taken_in_once(
-    promise: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    guarantee: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log, state = tmp_path / "log.csv", tmp_path / "s.json"
     success = [i % 7 > 0 for i in range(40)]
-    arguments = monitor(promise, tmp_path, write_log(log, success[:15]))
+    arguments = monitor(guarantee, tmp_path, write_log(log, success[:15]))
     assert main(arguments) == 0
     assert "no alarm. 15 new attempts, 15 in all" in capsys.readouterr().out
     once = state.read_bytes()
@@ -222,10 +222,10 @@ def test_a_log_that_grows_is_taken_in_once(
 
 
 def test_an_alarm_is_exit_code_3_until_the_restart(
-    promise: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    guarantee: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = write_log(tmp_path / "log.csv", [False] * 30)
-    arguments = monitor(promise, tmp_path, log)
+    arguments = monitor(guarantee, tmp_path, log)
     assert main(arguments) == 3
     assert "ALARM since attempt" in capsys.readouterr().out
     write_log(log, [False] * 30 + [True] * 4)
@@ -237,24 +237,24 @@ def test_an_alarm_is_exit_code_3_until_the_restart(
 
 
 def test_one_objects_promise_is_watched_on_its_attempts(
-    promise: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    guarantee: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = write_log(tmp_path / "log.csv", [i % 2 == 0 for i in range(60)])  # made-2 always fails
-    assert main(monitor(promise, tmp_path, log, "--object", "made-1", "--close")) == 0
+    assert main(monitor(guarantee, tmp_path, log, "--object", "made-1", "--close")) == 0
     assert "made-1: no alarm. 30 new attempts" in capsys.readouterr().out
     (tmp_path / "s.json").unlink()
-    assert main(monitor(promise, tmp_path, log, "--object", "made-2", "--close")) == 3
+    assert main(monitor(guarantee, tmp_path, log, "--object", "made-2", "--close")) == 3
 
 
 def test_what_the_monitor_refuses_changes_nothing(
-    promise: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    guarantee: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log, state = tmp_path / "log.csv", tmp_path / "s.json"
-    arguments = monitor(promise, tmp_path, write_log(log, [True] * 10))
+    arguments = monitor(guarantee, tmp_path, write_log(log, [True] * 10))
     assert main(arguments) == 0
     before = state.read_bytes()
     other = tmp_path / "other.json"
-    other.write_text(promise.read_text() + " ")
+    other.write_text(guarantee.read_text() + " ")
     for success, change, message in (
         ([True] * 9, {}, "does not begin with the 10 attempts"),
         ([False] + [True] * 11, {}, "does not begin with the 10 attempts"),
@@ -269,8 +269,8 @@ def test_what_the_monitor_refuses_changes_nothing(
         (["--most-attempts", "4"], "was begun with most-attempts None"),
         (["--object", "made-1"], "the state of another promise (all objects)"),
         (["--object", "made-9"], "unknown scope of a promise 'made-9'"),
-        (["--promise", str(other)], "the state of another promise"),
-        (["--promise", str(tmp_path / "no.json")], "cannot be read"),
+        (["--certificate", str(other)], "the state of another promise"),
+        (["--certificate", str(tmp_path / "no.json")], "cannot be read"),
         (["--outcomes", str(tmp_path / "no.csv")], "cannot be read"),
     ):
         assert message in refused([*arguments, *more], capsys)

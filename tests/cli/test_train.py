@@ -18,14 +18,14 @@ from graspcast.bop.units import millimetres
 from graspcast.cli import main
 from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
 from graspcast.forecasting.forecaster import Forecaster
-from graspcast.guarantees.certificate import Promises
+from graspcast.guarantees.certificate import Certificate
 from poses import results_of, write_models
 
-N, SCENES, STRANGE = 120, 6, 7
+N, SCENES, OOD_ALPHA = 120, 6, 7
 
 
 def tables() -> dict[str, Results]:
-    given = synthetic.lessons(N, scenes=SCENES).estimates
+    given = synthetic.training_data(N, scenes=SCENES).estimates
     return {
         name: dataclasses.replace(
             results_of(given.of(name)), scene_id=given.scene_id, obj_id=given.obj_id
@@ -39,7 +39,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Estimates, truths and outcomes of two objects, a simulated campaign, and three models."""
     root = tmp_path_factory.mktemp("world")
     write_models(root / "made" / "models", obj_1={}, obj_2={})
-    given = synthetic.lessons(N, scenes=SCENES)
+    given = synthetic.training_data(N, scenes=SCENES)
     estimates = given.estimates
     for scene in range(SCENES):
         folder = root / "made" / "test" / f"{scene:06d}"
@@ -128,7 +128,7 @@ def test_an_object_known_by_simulated_trials_alone(
     assert (card.objects, card.simulated, card.samples) == (("made-2",), ("made-2",), 0)
     said = refused(predict(world, tmp_path, models=("simulated.npz",)), capsys)
     assert "was not trained for made-1; it knows made-2" in said
-    only = ("--objects", "2", "--strange", "0")
+    only = ("--objects", "2", "--ood-alpha", "0")
     assert main(predict(world, tmp_path, *only, models=("simulated.npz",))) == 0
     truth = {
         (row["im_id"], row["obj_id"]): row["success"]
@@ -172,7 +172,7 @@ def test_explanations_are_those_of_the_forecaster(world: Path, tmp_path: Path) -
         assert all(each.startswith(("rotation by", "position by", "b against c")) for each in told)
 
 
-def promised(world: Path, tmp_path: Path, model: str, names: str, threshold: float) -> Path:
+def guaranteed(world: Path, tmp_path: Path, model: str, names: str, threshold: float) -> Path:
     """A promise for a model (certified here on its training scenes, which promises nothing)."""
     path = tmp_path / f"{model}.json"
     arguments = ["certify", *inputs(world, names), "--model", str(world / f"{model}.npz")]
@@ -185,29 +185,29 @@ def promised(world: Path, tmp_path: Path, model: str, names: str, threshold: flo
 def test_a_promise_brings_the_threshold_and_belongs_to_its_model(
     world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = promised(world, tmp_path, "abc", "abc", 0.7)
-    promise = Promises.load(path).overall
-    assert promise.threshold is not None
+    path = guaranteed(world, tmp_path, "abc", "abc", 0.7)
+    guarantee = Certificate.load(path).overall
+    assert guarantee.threshold is not None
     capsys.readouterr()
-    assert main(predict(world, tmp_path, "--promise", str(path))) == 0
-    assert str(promise) in capsys.readouterr().out
+    assert main(predict(world, tmp_path, "--certificate", str(path))) == 0
+    assert str(guarantee) in capsys.readouterr().out
     for row in verdicts(tmp_path):
-        likely = float(row["probability"]) >= promise.threshold
+        likely = float(row["probability"]) >= guarantee.threshold
         assert (row["verdict"] == "attempt") == (likely and "unfamiliar" not in row["reason"])
     again = tmp_path / "again"
-    both = ("--promise", str(path), "--threshold", "0.4")
+    both = ("--certificate", str(path), "--threshold", "0.4")
     assert "leave out --threshold" in refused(predict(world, again, *both), capsys)
-    mismatched = predict(world, again, "--promise", str(path), models=("ab.npz",))
+    mismatched = predict(world, again, "--certificate", str(path), models=("ab.npz",))
     assert "no promise was made for the model with b: certify it" in refused(mismatched, capsys)
-    two = predict(world, again, "--promise", str(path), models=("abc.npz", "ab.npz"))
+    two = predict(world, again, "--certificate", str(path), models=("abc.npz", "ab.npz"))
     assert "no promise was made for the model with b" in refused(two, capsys)
     assert not again.exists()
 
 
 def test_where_nothing_could_be_certified_nothing_is_attempted(world: Path, tmp_path: Path) -> None:
-    path = promised(world, tmp_path, "abc", "abc", 0.9999)
-    assert Promises.load(path).overall.threshold is None
-    assert main(predict(world, tmp_path, "--promise", str(path))) == 0
+    path = guaranteed(world, tmp_path, "abc", "abc", 0.9999)
+    assert Certificate.load(path).overall.threshold is None
+    assert main(predict(world, tmp_path, "--certificate", str(path))) == 0
     for row in verdicts(tmp_path):
         assert row["verdict"] == "abstain"
         assert "no threshold could be certified" in row["reason"]
@@ -249,19 +249,19 @@ def test_strange_disagreement_is_abstained_from_unless_it_is_trusted(
     for name, table in tables().items():
         poses = table.cam_T_obj.copy()
         if name == "b":
-            poses[STRANGE, :3, 3] += [3.0, -2.0, 4.0]
+            poses[OOD_ALPHA, :3, 3] += [3.0, -2.0, 4.0]
         write_results(
             tmp_path / f"{name}_made-test.csv", dataclasses.replace(table, cam_T_obj=poses)
         )
     found = {}
     for share in ("0", "0.01", "1"):
-        more = ("--strange", share, "--threshold", "0")
+        more = ("--ood-alpha", share, "--threshold", "0")
         assert main(predict(world, tmp_path, *more, folder=tmp_path)) == 0
         found[share] = {int(row["im_id"]): row for row in verdicts(tmp_path)}
     assert {row["verdict"] for row in found["0"].values()} == {"attempt"}
     assert {row["verdict"] for row in found["1"].values()} == {"abstain"}
-    strange = found["0.01"][STRANGE]
-    assert strange["verdict"] == "abstain"
-    assert "unfamiliar disagreement (p-value 0.008" in strange["reason"]
-    assert strange["probability"] == found["0"][STRANGE]["probability"]
+    ood_alpha = found["0.01"][OOD_ALPHA]
+    assert ood_alpha["verdict"] == "abstain"
+    assert "unfamiliar disagreement (p-value 0.008" in ood_alpha["reason"]
+    assert ood_alpha["probability"] == found["0"][OOD_ALPHA]["probability"]
     assert sum(row["verdict"] == "abstain" for row in found["0.01"].values()) <= 4

@@ -151,9 +151,9 @@ def test_only_what_is_wanted_is_measured(dataset: BopDataset) -> None:
 
 
 def test_an_object_that_the_models_lack_is_refused(dataset: BopDataset) -> None:
-    strange = dataclasses.replace(estimates(), obj_id=np.array([1, 2, 1, 2, 1, 7]))
+    ood_alpha = dataclasses.replace(estimates(), obj_id=np.array([1, 2, 1, 2, 1, 7]))
     with pytest.raises(UnknownNameError, match="unknown object '7'; known: 1, 2"):
-        measure(strange, dataset)
+        measure(ood_alpha, dataset)
 
 
 def test_what_has_no_ground_truth_has_no_row(dataset: BopDataset) -> None:

@@ -18,11 +18,11 @@ from graspcast import (
     Comparison,
     Estimates,
     ForestSettings,
-    Lessons,
     Models,
+    TrainingData,
     compare,
-    lessons,
     score,
+    training_data,
 )
 from graspcast.bop.results import write_results
 from graspcast.cli import main
@@ -62,9 +62,18 @@ class World:
             noise = random_poses(n, 30 + k)
             poses[name] = np.where(right[:, None, None], near, off if name in "ab" else noise)
             if name in tried:
-                apart = np.linalg.norm(poses[name][:, :3, 3] - truth[:, :3, 3], axis=-1)
+                out_of_fold = np.linalg.norm(poses[name][:, :3, 3] - truth[:, :3, 3], axis=-1)
                 rows += [
-                    (name, "made", int(scene[i]), i, 1 + i % 2, "parallel", int(apart[i] < 0.02), 0)
+                    (
+                        name,
+                        "made",
+                        int(scene[i]),
+                        i,
+                        1 + i % 2,
+                        "parallel",
+                        int(out_of_fold[i] < 0.02),
+                        0,
+                    )
                     for i in range(n)
                 ]
         columns = ["estimator", "dataset", "scene_id", "im_id", "obj_id", "gripper", "success"]
@@ -83,8 +92,8 @@ class World:
             cam_T_obj=np.stack(list(self.poses.values())),
         )
 
-    def lessons(self, principal: str) -> Lessons:
-        return lessons(self.estimates, self.outcomes, principal, "parallel", truth=self.truth)
+    def training_data(self, principal: str) -> TrainingData:
+        return training_data(self.estimates, self.outcomes, principal, "parallel", truth=self.truth)
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +105,7 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Models]:
 @pytest.fixture(scope="module")
 def found(models: dict[str, Models]) -> Comparison:
     world = World.make()
-    return compare([world.lessons("a"), world.lessons("b")], models=models, **FAST)
+    return compare([world.training_data("a"), world.training_data("b")], models=models, **FAST)
 
 
 # --- Worth ----------------------------------------------------------------------------------------
@@ -134,8 +143,8 @@ def test_paired_differences_are_antisymmetric(found: Comparison, models: dict[st
         one, other = found.ahead["a", "b"][measure], found.ahead["b", "a"][measure]
         assert_allclose((one.value, one.low, one.high), (-other.value, -other.high, -other.low))
         better = -1 if measure == "aurc" else 1
-        apart = found.standings["a"][measure] - found.standings["b"][measure]
-        assert one.value == pytest.approx(better * apart)
+        out_of_fold = found.standings["a"][measure] - found.standings["b"][measure]
+        assert one.value == pytest.approx(better * out_of_fold)
 
 
 @pytest.mark.slow
@@ -143,7 +152,7 @@ def test_the_order_of_principals_does_not_matter(
     found: Comparison, models: dict[str, Models]
 ) -> None:
     world = World.make()
-    turned = compare([world.lessons("b"), world.lessons("a")], models=models, **FAST)
+    turned = compare([world.training_data("b"), world.training_data("a")], models=models, **FAST)
     assert turned.ahead == found.ahead
 
 
@@ -162,12 +171,12 @@ def test_figures_are_those_of_forecasts_without_the_supporter(
 ) -> None:
     world = World.make()
     judged = found.principals["a"]
-    success = world.lessons("a").samples.success
+    success = world.training_data("a").samples.success
     values = {}
     for names in ("abc", "ab"):
         # As if the third had never been there.
         given = dataclasses.replace(world, poses={n: world.poses[n] for n in names}, names=names)
-        p = cross_validated(given.lessons("a"), models=models, folds=3, forests=FORESTS)
+        p = cross_validated(given.training_data("a"), models=models, folds=3, forests=FORESTS)
         values[names] = score(p, success, np.zeros(len(p)))
     for name in FORECAST:
         assert judged.figures[name] == pytest.approx(getattr(values["abc"], name))
@@ -186,7 +195,7 @@ def test_two_to_six_estimators(names: str, models: dict[str, Models]) -> None:
     heard: list[float] = []
     options = {**FAST, "folds": 2, "bootstrap": 5}
     options["forests"] = ForestSettings(trees=4, draws=4, folds=0)
-    found = compare([world.lessons("a")], models=models, progress=heard.append, **options)
+    found = compare([world.training_data("a")], models=models, progress=heard.append, **options)
     judged = found.principals["a"]
     supporters = list(names[1:]) if len(names) > 2 else []
     assert list(judged.without) == list(judged.alone) == supporters
@@ -204,9 +213,11 @@ def test_principals_that_share_no_instance_are_not_ranked(models: dict[str, Mode
     world = World.make(120, scenes=6)
     early = (pl.col("estimator") == "a") & (pl.col("scene_id") < 3)
     late = (pl.col("estimator") == "b") & (pl.col("scene_id") >= 3)
-    apart = dataclasses.replace(world, outcomes=world.outcomes.filter(early | late))
+    out_of_fold = dataclasses.replace(world, outcomes=world.outcomes.filter(early | late))
     options = {**FAST, "folds": 2, "bootstrap": 5}
-    found = compare([apart.lessons("a"), apart.lessons("b")], models=models, **options)
+    found = compare(
+        [out_of_fold.training_data("a"), out_of_fold.training_data("b")], models=models, **options
+    )
     assert found.common == 0
     assert found.ranking == ()
     assert "no instance was tried with all of a, b" in found.recommendation
@@ -224,7 +235,7 @@ def test_blocks_of_frames_are_cut_as_in_training(
     tried = dataclasses.replace(world, outcomes=world.outcomes.filter(pl.col("im_id") < 60))
     judged: list[int] = []
 
-    def spy(kept: Lessons, **options: Any) -> Any:
+    def spy(kept: TrainingData, **options: Any) -> Any:
         forecaster = training_of(kept, **options)
         seen = set((kept.estimates.im_id // 20).tolist())
 
@@ -237,7 +248,7 @@ def test_blocks_of_frames_are_cut_as_in_training(
 
     training_of = train.train_forecaster
     monkeypatch.setattr("graspcast.evaluation.cross_validation.train_forecaster", spy)
-    given = tried.lessons("a")
+    given = tried.training_data("a")
     probability = cross_validated(given, folds=3, method="threshold", models=models)
     assert sorted(judged) == list(range(60))
     assert not np.isnan(probability).any()
@@ -247,7 +258,7 @@ def test_blocks_of_frames_are_cut_as_in_training(
 
 def test_an_object_of_one_scene_has_no_probability(models: dict[str, Models]) -> None:
     world = World.make(120, scenes=6)
-    given = world.lessons("a")
+    given = world.training_data("a")
     alone = dataclasses.replace(
         given.estimates, obj_id=np.where(given.estimates.scene_id == 2, 2, 1)
     )
@@ -261,7 +272,7 @@ def test_an_object_of_one_scene_has_no_probability(models: dict[str, Models]) ->
 
 def test_what_cannot_be_compared_is_refused(models: dict[str, Models]) -> None:
     world = World.make(60, scenes=6)
-    a, b = world.lessons("a"), world.lessons("b")
+    a, b = world.training_data("a"), world.training_data("b")
     with pytest.raises(InputError, match="0 principals"):
         compare([])
     with pytest.raises(InputError, match="1 folds"):

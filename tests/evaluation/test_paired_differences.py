@@ -44,15 +44,15 @@ def test_intervals_are_those_of_the_same_repeated_rows_on_both_sides() -> None:
     ]
     together = np.zeros(27)
 
-    def apart(rows: np.ndarray, name: str) -> float:
+    def out_of_fold(rows: np.ndarray, name: str) -> float:
         a, b = (getattr(score(p[rows], success[rows], together[rows]), name) for p in (good, bad))
         return b - a if name in ("aurc", "brier") else a - b
 
     for name in measures:
-        drawn = np.array([apart(r, name) for r in rows])
+        drawn = np.array([out_of_fold(r, name) for r in rows])
         assert np.isnan(drawn).any() == (name == "auroc")
         gain = found[name]
-        expected = (apart(np.arange(27), name), *np.nanpercentile(drawn, [2.5, 97.5]))
+        expected = (out_of_fold(np.arange(27), name), *np.nanpercentile(drawn, [2.5, 97.5]))
         assert_allclose((gain.value, gain.low, gain.high), expected, atol=1e-12, err_msg=name)
         plain = getattr(score(good, success, together), name)
         assert figures_of(one)[name] == pytest.approx(plain, abs=1e-12)
@@ -78,11 +78,11 @@ def test_intervals_are_those_of_a_mean_over_scenes() -> None:
     other = np.full(len(one), 0.5)
     both = (forecasts(p, success, groups) for p in (one, other))
     gain = gains(*(under_scenes(f, ("brier",), 500, seed=0) for f in both))["brier"]
-    apart = ((other - success) ** 2 - (one - success) ** 2).reshape(scenes, each).mean(axis=1)
-    error = apart.std(ddof=1) / np.sqrt(scenes)
-    assert gain.value == pytest.approx(apart.mean())
+    out_of_fold = ((other - success) ** 2 - (one - success) ** 2).reshape(scenes, each).mean(axis=1)
+    error = out_of_fold.std(ddof=1) / np.sqrt(scenes)
+    assert gain.value == pytest.approx(out_of_fold.mean())
     assert_allclose(
-        [gain.low, gain.high], apart.mean() + 1.96 * error * np.array([-1, 1]), atol=error / 4
+        [gain.low, gain.high], out_of_fold.mean() + 1.96 * error * np.array([-1, 1]), atol=error / 4
     )
 
 

@@ -225,12 +225,12 @@ def test_the_published_benchmark_guessing_the_majority(data: Published) -> None:
             accuracy.append(score(f.probability, f.success, f.objects).accuracy)
         assert np.mean(accuracy) == pytest.approx(expected, abs=0.001)
     # The principal's own errors tell that the true poses are the right ones.
-    apart = benchmark.estimates.of("zebrapose")[:, :3, 3] - benchmark.truth[:, :3, 3]
-    assert np.median(np.linalg.norm(apart, axis=-1)) < 0.02
+    out_of_fold = benchmark.estimates.of("zebrapose")[:, :3, 3] - benchmark.truth[:, :3, 3]
+    assert np.median(np.linalg.norm(out_of_fold, axis=-1)) < 0.02
 
 
 def test_an_instance_without_ground_truth_is_named(data: Published) -> None:
     benchmark = Benchmark.of(data)
-    strange = dataclasses.replace(benchmark.estimates, im_id=benchmark.estimates.im_id + 100_000)
+    ood_alpha = dataclasses.replace(benchmark.estimates, im_id=benchmark.estimates.im_id + 100_000)
     with pytest.raises(MismatchError, match="3152 instances have no ground truth"):
-        _true_poses(strange, data.bop)
+        _true_poses(ood_alpha, data.bop)

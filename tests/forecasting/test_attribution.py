@@ -16,7 +16,7 @@ from numpy.testing import assert_allclose
 
 import synthetic
 from graspcast.bop.models import Models
-from graspcast.forecasting.attribution import groups_of, influences
+from graspcast.forecasting.attribution import attributions, groups_of
 from graspcast.forecasting.features import Features, FeatureSet, consensus_features
 from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.train import train_forecaster
@@ -84,7 +84,7 @@ def test_influences_on_a_linear_predictor_are_the_sums_of_its_terms(seed: int) -
     names = ("rot_x.b", "dx.b", "ray.c", "angle_between.b.c", "view_x", "mid_turn_x", "add_max_rel")
     features = Features(names, rng.normal(size=(5, 7)))
     typical, weights = rng.normal(size=7), rng.normal(size=7)
-    found = influences(Linear(weights), features, rng.integers(0, 3, 5), typical)
+    found = attributions(Linear(weights), features, rng.integers(0, 3, 5), typical)
     terms = (features.values - typical) * weights
     expected = {
         "rotation by b": terms[:, 0] + terms[:, 5],
@@ -104,7 +104,7 @@ def test_what_is_typical_moves_nothing() -> None:
     typical = np.array([0.1, 0.2, 0.3])
     rows = np.array([[0.1, 0.2, 0.3], [0.1, 0.2, 7.0]])
     weights = np.array([1.0, -2.0, 0.5])
-    same, other = influences(Linear(weights), Features(names, rows), np.zeros(2, int), typical)
+    same, other = attributions(Linear(weights), Features(names, rows), np.zeros(2, int), typical)
     assert {by for _, by in same} == {0.0}
     assert dict(other)["rotation by b"] == dict(other)["position by b"] == 0
     assert other[0] == ("position by c", pytest.approx(0.5 * 6.7))
@@ -121,13 +121,13 @@ def test_explanations_of_real_forecasters_are_differences_of_their_forecasts(
     from graspcast.forecasting.models.mlp.types import MlpSettings
 
     forecaster = train_forecaster(
-        synthetic.lessons(120),
+        synthetic.training_data(120),
         method=method,
         forests=ForestSettings(trees=16, folds=0),
         settings=NetworkSettings(members=1, optimiser=MlpSettings(epochs=50)),
         models=models,
     )
-    unseen = synthetic.lessons(6, seed=3).estimates
+    unseen = synthetic.training_data(6, seed=3).estimates
     found = forecaster.explain(unseen, models)
     features = features_of(unseen, "a", which, models)
     probability = forecaster.probability(unseen, models)
@@ -135,6 +135,6 @@ def test_explanations_of_real_forecasters_are_differences_of_their_forecasts(
         changed = features.values.copy()
         changed[:, columns] = forecaster.typical[columns]
         without = forecaster.predictor.probability(changed, np.arange(6) % 2)
-        moved = [dict(row)[group] for row in found]
-        assert_allclose(moved, probability - without, atol=1e-12)
+        attribution = [dict(row)[group] for row in found]
+        assert_allclose(attribution, probability - without, atol=1e-12)
     assert max(abs(row[0][1]) for row in found) > 0.01

@@ -46,7 +46,7 @@ def column(features: Features, name: str) -> np.ndarray:
     return features.values[:, features.names.index(name)]
 
 
-def moved(estimates: Estimates, which: slice, by: np.ndarray, *, left: bool) -> Estimates:
+def attribution(estimates: Estimates, which: slice, by: np.ndarray, *, left: bool) -> Estimates:
     poses = estimates.cam_T_obj.copy()
     poses[which] = by @ poses[which] if left else poses[which] @ by
     return type(estimates)(**{**estimates.__dict__, "cam_T_obj": poses})
@@ -92,7 +92,7 @@ def test_paper_features_equal_the_released_arrays(
 def test_object_frame_features_do_not_depend_on_the_camera(models: dict[str, Models]) -> None:
     estimates = three()
     rich = consensus_features(estimates, "a", which="rich", models=models)
-    elsewhere = moved(estimates, slice(None), random_poses(1, seed=5), left=True)
+    elsewhere = attribution(estimates, slice(None), random_poses(1, seed=5), left=True)
     again = consensus_features(elsewhere, "a", which="rich", models=models)
     stems = ("rot_", "angle", "off_", "add_", "offset_between")
     names = [n for n in rich.names if n.startswith(stems)]
@@ -105,7 +105,7 @@ def test_a_symmetric_supporter_is_turned_back(models: dict[str, Models]) -> None
     turn = np.array(HALF_TURN, dtype=float).reshape(4, 4)
     for obj_id, same in ((1, True), (2, False)):
         estimates = three(obj_id=obj_id)
-        turned = moved(estimates, slice(1, 2), turn, left=False)
+        turned = attribution(estimates, slice(1, 2), turn, left=False)
         before = consensus_features(estimates, "a", which="rich", models=models)
         after = consensus_features(turned, "a", which="rich", models=models)
         for stem in ("rot_x", "rot_y", "rot_z", "angle", "off_x"):
@@ -127,8 +127,8 @@ def test_agreement_is_zero_and_wrapping_is_not_undone(models: dict[str, Models])
     poses[:, 2, 3] = 1
     for pose, angle in zip(poses, (3.1, -3.1), strict=True):
         pose[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    apart = align({"a": results_of(poses[:1]), "b": results_of(poses[1:])}, dataset="d")
-    assert column(consensus_features(apart, "a"), "dpsi_z.b")[0] == pytest.approx(6.2)
+    out_of_fold = align({"a": results_of(poses[:1]), "b": results_of(poses[1:])}, dataset="d")
+    assert column(consensus_features(out_of_fold, "a"), "dpsi_z.b")[0] == pytest.approx(6.2)
 
 
 def test_ray_features(models: dict[str, Models]) -> None:

@@ -19,14 +19,13 @@ from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.instances import scene_groups
 from graspcast.evaluation.cross_validation import cross_validate
 from graspcast.evaluation.scores import score
-from graspcast.forecasting import train as module
 from graspcast.forecasting.forecaster import KINDS, Forecaster
-from graspcast.forecasting.model_card import Card
+from graspcast.forecasting.model_card import ModelCard
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
 from graspcast.forecasting.samples import Samples
 from graspcast.forecasting.train import train_forecaster
-from graspcast.forecasting.training_data import Lessons
+from graspcast.forecasting.training_data import TrainingData
 from graspcast.paper.dataset import Published
 from poses import write_models
 
@@ -121,7 +120,7 @@ def test_training_does_not_depend_on_the_order_of_estimators_but_on_the_principa
 # --- The card -------------------------------------------------------------------------------------
 
 
-def card(samples: Samples, **options: Any) -> Card:
+def card(samples: Samples, **options: Any) -> ModelCard:
     options = {"method": "MLP-O", "settings": dataclasses.replace(SHORT, members=1)} | options
     return train_forecaster(samples, **options).card
 
@@ -151,12 +150,12 @@ def test_the_hash_is_that_of_the_data() -> None:
     assert card(samples, method="MLP").data == hashed
     poses = samples.estimates.cam_T_obj.copy()
     poses[2, 7, 0, 3] = np.nextafter(poses[2, 7, 0, 3], 1)
-    moved = dataclasses.replace(samples.estimates, cam_T_obj=poses)
+    attribution = dataclasses.replace(samples.estimates, cam_T_obj=poses)
     flipped = samples.success.copy()
     flipped[3] ^= True
     renamed = dataclasses.replace(samples.estimates, im_id=samples.estimates.im_id + 1)
     others = [
-        dataclasses.replace(samples, estimates=moved),
+        dataclasses.replace(samples, estimates=attribution),
         dataclasses.replace(samples, success=flipped),
         dataclasses.replace(samples, estimates=renamed),
     ]
@@ -232,9 +231,9 @@ def test_only_unseen_scenes_are_scored(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     asked: list[int] = []
 
-    def spy(given_lessons: Lessons, **options: Any) -> Forecaster:
-        forecaster = train_forecaster(given_lessons, **options)
-        seen = {groups[i] for i in given_lessons.estimates.im_id.tolist()}
+    def spy(given_data: TrainingData, **options: Any) -> Forecaster:
+        forecaster = train_forecaster(given_data, **options)
+        seen = {groups[i] for i in given_data.estimates.im_id.tolist()}
 
         class Watching(Forecaster):
             def probability(
@@ -248,7 +247,7 @@ def test_only_unseen_scenes_are_scored(monkeypatch: pytest.MonkeyPatch) -> None:
         fields = dataclasses.fields(forecaster)
         return Watching(*(getattr(forecaster, field.name) for field in fields))
 
-    monkeypatch.setattr(module, "train_forecaster", spy)
+    monkeypatch.setattr("graspcast.evaluation.cross_validation.train_forecaster", spy)
     heard: list[float] = []
     found = cross_validate(samples, folds=3, method="MLP-O", settings=SHORT, progress=heard.append)
     assert sorted(asked) == samples.estimates.im_id.tolist()
@@ -307,7 +306,7 @@ def test_each_object_is_scored_by_a_forecaster_that_has_not_seen_it(
     given = synthetic.samples(160)
     seen: list[tuple[str, ...]] = []
 
-    def spy(part: Lessons, **options: Any) -> Forecaster:
+    def spy(part: TrainingData, **options: Any) -> Forecaster:
         forecaster = train_forecaster(part, **options)
         seen.append(forecaster.card.objects)
         return forecaster

@@ -116,7 +116,7 @@ def test_no_part_of_a_file_with_forests_is_taken_for_a_model(
     models: dict[str, Models], tmp_path: Path
 ) -> None:
     forecaster = train_forecaster(
-        synthetic.lessons(80), forests=ForestSettings(trees=3, folds=0), models=models
+        synthetic.training_data(80), forests=ForestSettings(trees=3, folds=0), models=models
     )
     content = written(forecaster, tmp_path)
     path = tmp_path / "part.npz"
@@ -126,10 +126,10 @@ def test_no_part_of_a_file_with_forests_is_taken_for_a_model(
     with np.load(path) as file:
         arrays = dict(file)
     needed = [
-        *(f"predictor/{part}/feature" for part in ("direct", "errors/f", "survival")),
+        *(f"predictor/{part}/feature" for part in ("direct", "errors/f", "success_given_error")),
         "predictor/errors/members",
         "predictor/calibration",
-        "familiarity/scores",
+        "novelty/scores",
         "typical",
     ]
     for name in needed:

@@ -10,14 +10,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import synthetic
 from graspcast.estimates.alignment import Estimates
-from graspcast.forecasting.novelty import Familiarity, disagreement
+from graspcast.forecasting.novelty import Novelty, disagreement
 
 TRAINING, HELD_OUT = 300, 400
 SUPPORTERS = ("b", "c")
 
 
-def fitted(seed: int, *, scenes: int = 10) -> Familiarity:
-    return Familiarity.fit(synthetic.estimates(TRAINING, seed=seed, scenes=scenes), "a")
+def fitted(seed: int, *, scenes: int = 10) -> Novelty:
+    return Novelty.fit(synthetic.estimates(TRAINING, seed=seed, scenes=scenes), "a")
 
 
 def test_at_most_a_share_a_of_held_out_instances_has_a_or_less() -> None:
@@ -38,14 +38,14 @@ def test_at_most_a_share_a_of_held_out_instances_has_a_or_less() -> None:
 
 
 def test_p_values_are_ranks_among_the_scores() -> None:
-    familiarity = fitted(0)
-    found = familiarity.p_value(synthetic.estimates(HELD_OUT, seed=5), "a", SUPPORTERS)
+    novelty = fitted(0)
+    found = novelty.p_value(synthetic.estimates(HELD_OUT, seed=5), "a", SUPPORTERS)
     ranks = found * (TRAINING + 1)
     assert_allclose(ranks, np.round(ranks), atol=1e-9)
     assert ranks.min() >= 1 - 1e-9
     assert found.max() <= 1
-    assert_array_equal(familiarity.scores, np.sort(familiarity.scores))
-    assert len(familiarity.scores) == TRAINING
+    assert_array_equal(novelty.scores, np.sort(novelty.scores))
+    assert len(novelty.scores) == TRAINING
 
 
 def outlier(given: Estimates, supporter: int) -> Estimates:
@@ -56,37 +56,37 @@ def outlier(given: Estimates, supporter: int) -> Estimates:
 
 @pytest.mark.parametrize("supporter", [1, 2])
 def test_a_gross_outlier_has_the_smallest_p_value(supporter: int) -> None:
-    strange = outlier(synthetic.estimates(20, seed=5), supporter)
-    found = fitted(0).p_value(strange, "a", SUPPORTERS)
+    ood_alpha = outlier(synthetic.estimates(20, seed=5), supporter)
+    found = fitted(0).p_value(ood_alpha, "a", SUPPORTERS)
     assert_array_equal(found, 1 / (TRAINING + 1))
 
 
 def test_perfect_agreement_is_what_it_is_and_others_beside_it_change_nothing() -> None:
-    familiarity = fitted(0)
+    novelty = fitted(0)
     given = synthetic.estimates(50, seed=5)
-    expected = familiarity.p_value(given, "a", SUPPORTERS)
-    strange = outlier(given, 1)
+    expected = novelty.p_value(given, "a", SUPPORTERS)
+    ood_alpha = outlier(given, 1)
     mixed = dataclasses.replace(
         given,
         cam_T_obj=np.where(
-            (np.arange(50) < 25)[None, :, None, None], given.cam_T_obj, strange.cam_T_obj
+            (np.arange(50) < 25)[None, :, None, None], given.cam_T_obj, ood_alpha.cam_T_obj
         ),
     )
-    found = familiarity.p_value(mixed, "a", SUPPORTERS)
+    found = novelty.p_value(mixed, "a", SUPPORTERS)
     assert_array_equal(found[:25], expected[:25])
     assert (found[25:] < expected[25:]).all()
     order = given.only("c", "a", "b")
-    assert_array_equal(familiarity.p_value(order, "a", SUPPORTERS), expected)
+    assert_array_equal(novelty.p_value(order, "a", SUPPORTERS), expected)
     assert_allclose(disagreement(given, "a", ("a",)), 0, atol=1e-12)
 
 
 def test_one_scene_is_enough_and_arrays_come_back() -> None:
     single = dataclasses.replace(synthetic.estimates(40), im_id=np.zeros(40, np.int64))
     single = dataclasses.replace(single, scene_id=np.zeros(40, np.int64))
-    familiarity = Familiarity.fit(single, "a")
-    assert np.isfinite(familiarity.scores).all()
-    again = Familiarity.from_arrays(familiarity.to_arrays())
+    novelty = Novelty.fit(single, "a")
+    assert np.isfinite(novelty.scores).all()
+    again = Novelty.from_arrays(novelty.to_arrays())
     given = synthetic.estimates(30, seed=2)
     assert_array_equal(
-        again.p_value(given, "a", SUPPORTERS), familiarity.p_value(given, "a", SUPPORTERS)
+        again.p_value(given, "a", SUPPORTERS), novelty.p_value(given, "a", SUPPORTERS)
     )

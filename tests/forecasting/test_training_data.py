@@ -14,7 +14,7 @@ import synthetic
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
-from graspcast.forecasting.training_data import ErrorOutcomes, as_lessons, lessons
+from graspcast.forecasting.training_data import SimulatedTrials, as_training_data, training_data
 
 NAMES = ("a", "b", "c")
 
@@ -51,7 +51,7 @@ def crowded() -> Estimates:
 def test_other_estimators_outcomes_count_only_where_the_object_appears_once() -> None:
     given = crowded()
     table = outcomes(given)
-    learned = lessons(given, table, "b", "parallel")
+    learned = training_data(given, table, "b", "parallel")
     several = np.isin(given.im_id, [3, 4])
     mine = table.filter(gripper="parallel")
     for k, name in enumerate(NAMES):
@@ -74,10 +74,10 @@ def test_outcomes_of_other_instances_and_grippers_do_not_matter() -> None:
         success=pl.when(foreign).then(1 - pl.col("success")).otherwise(pl.col("success"))
     )
     assert not flipped.equals(table)
-    one, two = (lessons(kept, each, "a", "parallel") for each in (table, flipped))
+    one, two = (training_data(kept, each, "a", "parallel") for each in (table, flipped))
     assert_array_equal(one.success, two.success)
     assert np.isfinite(one.success).all()
-    shuffled = lessons(kept, table.sample(fraction=1, shuffle=True, seed=1), "a", "parallel")
+    shuffled = training_data(kept, table.sample(fraction=1, shuffle=True, seed=1), "a", "parallel")
     assert_array_equal(shuffled.success, one.success)
 
 
@@ -86,7 +86,7 @@ def test_what_is_not_known_is_nan_and_selecting_keeps_rows_together() -> None:
     table = outcomes(given).filter(pl.col("im_id") % 3 == 0)
     truth = synthetic.true_poses(20)
     truth[5] = np.nan
-    learned = lessons(given, table, "a", "parallel", truth=truth)
+    learned = training_data(given, table, "a", "parallel", truth=truth)
     assert_array_equal(np.isnan(learned.success), np.tile(np.arange(20) % 3 != 0, (3, 1)))
     assert_array_equal(learned.has_truth, np.arange(20) != 5)
     assert learned.samples.untried == 13
@@ -94,7 +94,7 @@ def test_what_is_not_known_is_nan_and_selecting_keeps_rows_together() -> None:
     assert_array_equal(part.estimates.im_id, [9, 5, 0])
     assert_array_equal(part.has_truth, [True, False, True])
     assert_array_equal(part.success, learned.success[:, [9, 5, 0]])
-    nothing = lessons(given, None, "a", "parallel")
+    nothing = training_data(given, None, "a", "parallel")
     assert np.isnan(nothing.success).all()
     assert not nothing.has_truth.any()
     with pytest.raises(MismatchError, match=r"no instance has an outcome of a with the parallel"):
@@ -104,25 +104,25 @@ def test_what_is_not_known_is_nan_and_selecting_keeps_rows_together() -> None:
 def test_unknown_names() -> None:
     given = synthetic.estimates(6)
     with pytest.raises(UnknownNameError, match=r"unknown estimator 'z'; known: a, b, c"):
-        lessons(given, outcomes(given), "z", "parallel")
+        training_data(given, outcomes(given), "z", "parallel")
     with pytest.raises(UnknownNameError, match=r"'paralel' .did you mean 'parallel'"):
-        lessons(given, outcomes(given), "a", "paralel")
+        training_data(given, outcomes(given), "a", "paralel")
 
 
 def test_samples_are_lessons_of_the_principal_alone() -> None:
     samples = dataclasses.replace(synthetic.samples(30), principal="b")
-    learned = as_lessons(samples)
+    learned = as_training_data(samples)
     assert_array_equal(learned.success[1], samples.success)
     assert np.isnan(learned.success[[0, 2]]).all()
     assert not learned.has_truth.any()
     assert_array_equal(learned.samples.success, samples.success)
-    assert as_lessons(learned) is learned
+    assert as_training_data(learned) is learned
 
 
 # --- Simulated trials -----------------------------------------------------------------------------
 
 
-def campaign(path: Path, trials: ErrorOutcomes, gripper: str) -> Path:
+def campaign(path: Path, trials: SimulatedTrials, gripper: str) -> Path:
     names = [name.rpartition("-") for name in trials.objects.tolist()]
     frame = pl.DataFrame(
         {
@@ -153,17 +153,17 @@ def test_simulated_trials_of_one_gripper_from_several_campaigns(tmp_path: Path) 
         campaign(tmp_path / "two", second, "parallel"),
         campaign(tmp_path / "three", other, "hand"),
     ]
-    found = ErrorOutcomes.read(paths, "parallel")
+    found = SimulatedTrials.read(paths, "parallel")
     assert len(found) == 50
     assert found.objects.tolist() == ["d-1"] * 20 + ["e-2"] * 30
     assert_allclose(found.obj_T_est, np.concatenate([first.obj_T_est, second.obj_T_est]), atol=1e-9)
     assert_array_equal(found.success, np.concatenate([first.success, second.success]))
     chosen = found.select(found.objects == "e-2")
     assert_array_equal(chosen.success, second.success)
-    assert len(ErrorOutcomes.read(paths, "hand")) == 9
+    assert len(SimulatedTrials.read(paths, "hand")) == 9
     with pytest.raises(
         MismatchError, match=r"no simulated trial of the foot gripper; there are of hand, parallel"
     ):
-        ErrorOutcomes.read(paths, "foot")
+        SimulatedTrials.read(paths, "foot")
     with pytest.raises(FormatError, match=r"none"):
-        ErrorOutcomes.read([tmp_path / "none.parquet"], "parallel")
+        SimulatedTrials.read([tmp_path / "none.parquet"], "parallel")

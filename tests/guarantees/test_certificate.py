@@ -10,13 +10,13 @@ import pytest
 
 import graspcast
 from graspcast.errors import FormatError, UnknownNameError
-from graspcast.guarantees.certificate import OVERALL, Promises
+from graspcast.guarantees.certificate import OVERALL, Certificate
 from graspcast.guarantees.certify import certify
 from worlds import ASKED, World, drawn
 
 
 @pytest.fixture
-def promises() -> Promises:
+def certificate() -> Certificate:
     probability, success, units = drawn(World(300, 2), 0)
     objects = np.array(["d-1", "d-2"])[units % 2]
     return certify(
@@ -24,14 +24,14 @@ def promises() -> Promises:
     )
 
 
-def test_promises_are_read_as_they_were_written(promises: Promises, tmp_path: Path) -> None:
-    promises.save(tmp_path / "p.json")
-    assert Promises.load(tmp_path / "p.json") == promises
-    assert promises.overall.scope == OVERALL
-    assert promises.of("d-2").units == 150
-    assert isinstance(promises.overall, graspcast.Promise)
+def test_promises_are_read_as_they_were_written(certificate: Certificate, tmp_path: Path) -> None:
+    certificate.save(tmp_path / "p.json")
+    assert Certificate.load(tmp_path / "p.json") == certificate
+    assert certificate.overall.scope == OVERALL
+    assert certificate.of("d-2").units == 150
+    assert isinstance(certificate.overall, graspcast.Guarantee)
     with pytest.raises(UnknownNameError, match=r"'d-7'.*d-1, d-2"):
-        promises.of("d-7")
+        certificate.of("d-7")
 
 
 @pytest.mark.parametrize(
@@ -40,18 +40,18 @@ def test_promises_are_read_as_they_were_written(promises: Promises, tmp_path: Pa
         (["format"], 99, "format 99"),
         (["weight"], "moon", "unknown weight 'moon'"),
         (["rate"], "x", "certify again"),
-        (["promises"], [], "overall promise is not the first"),
-        (["promises", 0, "threshold"], 1.5, "not between 0 and 1"),
-        (["promises", 0, "units"], -1, "not a whole number"),
-        (["promises", 0, "scope"], "d-1", "overall promise is not the first"),
+        (["guarantees"], [], "overall promise is not the first"),
+        (["guarantees", 0, "threshold"], 1.5, "not between 0 and 1"),
+        (["guarantees", 0, "units"], -1, "not a whole number"),
+        (["guarantees", 0, "scope"], "d-1", "overall promise is not the first"),
         (["sequence", "thresholds"], [0.1], "one weight for each"),
         (["sequence"], None, "certify again"),
     ],
 )
 def test_damaged_promise_files_are_refused(
-    promises: Promises, tmp_path: Path, path: list[str | int], value: object, message: str
+    certificate: Certificate, tmp_path: Path, path: list[str | int], value: object, message: str
 ) -> None:
-    content = json.loads(json.dumps(promises.as_dict()))
+    content = json.loads(json.dumps(certificate.as_dict()))
     place = content
     for key in path[:-1]:
         place = place[key]
@@ -59,18 +59,18 @@ def test_damaged_promise_files_are_refused(
     file = tmp_path / "p.json"
     file.write_text(json.dumps(content))
     with pytest.raises(FormatError, match=message):
-        Promises.load(file)
+        Certificate.load(file)
 
 
-def test_every_entry_of_a_promise_file_is_needed(promises: Promises, tmp_path: Path) -> None:
+def test_every_entry_of_a_promise_file_is_needed(certificate: Certificate, tmp_path: Path) -> None:
     file = tmp_path / "p.json"
-    whole = json.loads(json.dumps(promises.as_dict()))
+    whole = json.loads(json.dumps(certificate.as_dict()))
     for key in whole:
         file.write_text(json.dumps({k: v for k, v in whole.items() if k != key}))
         with pytest.raises(FormatError, match=key):
-            Promises.load(file)
-    for key in whole["promises"][0]:
-        one = {k: v for k, v in whole["promises"][0].items() if k != key}
-        file.write_text(json.dumps({**whole, "promises": [one]}))
+            Certificate.load(file)
+    for key in whole["guarantees"][0]:
+        one = {k: v for k, v in whole["guarantees"][0].items() if k != key}
+        file.write_text(json.dumps({**whole, "guarantees": [one]}))
         with pytest.raises(FormatError, match=key):
-            Promises.load(file)
+            Certificate.load(file)

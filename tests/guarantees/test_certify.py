@@ -15,16 +15,20 @@ from graspcast.errors import InputError
 from graspcast.estimates.instances import unit_names
 from graspcast.guarantees.certificate import Weight
 from graspcast.guarantees.certify import certify
-from graspcast.guarantees.threshold_sequence import Sequence, default_sequence, learn_sequence
+from graspcast.guarantees.threshold_sequence import (
+    ThresholdSequence,
+    default_sequence,
+    learn_sequence,
+)
 from synthetic import estimates
 from worlds import ASKED, World, drawn
 
 ALONE = World(400, 1)
 
 
-def at(*thresholds: float) -> Sequence:
+def at(*thresholds: float) -> ThresholdSequence:
     """A fixed sequence that starts at the first."""
-    return Sequence(thresholds, (1.0, *(0.0 for _ in thresholds[1:])), "the test")
+    return ThresholdSequence(thresholds, (1.0, *(0.0 for _ in thresholds[1:])), "the test")
 
 
 # Whether promises are kept: seeded worlds, so no chance is left; the margin is what chance would
@@ -111,7 +115,7 @@ def test_promises_together_are_rarely_any_broken() -> None:
                 simultaneous=simultaneous,
                 **ASKED,
             )
-            any_broken = any(p.threshold is not None for p in found.promises)
+            any_broken = any(p.threshold is not None for p in found.guarantees)
             alone, together = (
                 alone + (any_broken and not simultaneous),
                 together + (any_broken and simultaneous),
@@ -122,7 +126,7 @@ def test_promises_together_are_rarely_any_broken() -> None:
 # What is computed.
 
 
-def by_hand(probability: ndarray, success: ndarray, sequence: Sequence) -> float | None:
+def by_hand(probability: ndarray, success: ndarray, sequence: ThresholdSequence) -> float | None:
     """The fallback procedure on independent trials, with SciPy's exact test."""
     carried, best = 0.0, None
     for threshold, weight in zip(sequence.thresholds, sequence.weights, strict=True):
@@ -142,11 +146,11 @@ def test_trials_of_their_own_units_give_the_plain_exact_test(number: int) -> Non
     world = World(150, 1, over=1.3)
     probability, success, units = drawn(world, number)
     for sequence in (default_sequence(0.9), at(0.95, 0.9, 0.8, 0.6)):
-        promise = certify(probability, success, units, sequence=sequence, **ASKED).overall
-        assert promise.threshold == by_hand(probability, success, sequence)
-        attempt = probability >= promise.shown_at
-        assert promise.attempted_units == promise.attempts == attempt.sum()
-        assert promise.successes == promise.attempts_held == success[attempt].sum()
+        guarantee = certify(probability, success, units, sequence=sequence, **ASKED).overall
+        assert guarantee.threshold == by_hand(probability, success, sequence)
+        attempt = probability >= guarantee.shown_at
+        assert guarantee.attempted_units == guarantee.attempts == attempt.sum()
+        assert guarantee.successes == guarantee.attempts_held == success[attempt].sum()
 
 
 @settings(max_examples=25)
@@ -201,9 +205,9 @@ def test_each_weight_draws_what_it_says() -> None:
     assert (every.attempted_units, every.successes) == (m, m)
     assert some.attempted_units == some.successes
     assert abs(some.attempted_units - m / 4) < 4 * math.sqrt(m * 3 / 16)
-    for promise in (every, some):
-        assert promise.attempt_rate == pytest.approx(0.25)
-        low, high = promise.attempt_interval
+    for guarantee in (every, some):
+        assert guarantee.attempt_rate == pytest.approx(0.25)
+        low, high = guarantee.attempt_interval
         assert low < 0.25 < high
 
 
@@ -239,8 +243,8 @@ def test_asking_for_more_never_lowers_the_threshold() -> None:
 
 def test_the_certified_bound_reaches_the_rate() -> None:
     for number in range(20):
-        promise = certify(*drawn(World(150, 4), number), **ASKED).overall
-        assert (promise.lower >= 0.9) or promise.threshold is None
+        guarantee = certify(*drawn(World(150, 4), number), **ASKED).overall
+        assert (guarantee.lower >= 0.9) or guarantee.threshold is None
 
 
 def test_nothing_to_certify_is_said_with_what_would_be_needed() -> None:

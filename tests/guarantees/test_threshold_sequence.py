@@ -7,7 +7,7 @@ import pytest
 
 from graspcast.errors import InputError
 from graspcast.guarantees.threshold_sequence import (
-    Sequence,
+    ThresholdSequence,
     default_sequence,
     explore,
     learn_sequence,
@@ -65,4 +65,4 @@ def test_bad_sequences_are_refused(
     thresholds: tuple[float, ...], weights: tuple[float, ...], message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
-        Sequence(thresholds, weights, "the test")
+        ThresholdSequence(thresholds, weights, "the test")

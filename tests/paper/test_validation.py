@@ -9,7 +9,7 @@ import pytest
 from graspcast.paper.tables import paper_tables
 from graspcast.paper.validation import compare, render_cells, render_table1
 from graspcast.simulation.campaign.requests import TrialRequests
-from graspcast.simulation.grasps.observed_trials import LabelledTrials
+from graspcast.simulation.grasps.observed_trials import ObservedTrials
 from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp
 from graspcast.simulation.objects.types import Grasp
 
@@ -34,7 +34,7 @@ def found() -> dict[str, Any]:
     ours = np.array([1, 1, 1, 0, 1, 0, 1, 1, 1, 1, 1, 0], dtype=bool)
     reasons = ["held" if s else "blocked" for s in ours]
     part = np.array(2 * ["fit", "fit", "choose", "choose", "report", "report"])
-    trials = LabelledTrials(TrialRequests(keys, np.tile(np.eye(4), (12, 1, 1))), given, part)
+    trials = ObservedTrials(TrialRequests(keys, np.tile(np.eye(4), (12, 1, 1))), given, part)
     # A campaign's outcomes come in an order of their own.
     outcomes = keys.with_columns(success=pl.Series(ours), reason=pl.Series(reasons)).reverse()
     grasps = GraspTable(

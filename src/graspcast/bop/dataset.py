@@ -31,14 +31,21 @@ __all__ = ["BopDataset", "Camera", "GroundTruth", "Target", "read_ground_truth",
 class GroundTruth:
     """True poses of every annotated instance, image by image.
 
-    Attributes:
-        scene_id, im_id, obj_id: BOP numbers, (n,).
-        inst_id: Number of the instance among those of its object in its image, from 0, (n,).
-        cam_T_obj: Poses in metres, (n, 4, 4).
-        visib_fract: Visible share of the silhouette, NaN where it is not stated, (n,).
-        source: Where they came from, for messages.
-        box_xywh: Left, top, width, height of the whole silhouette in pixels, hidden parts
-            included, NaN where they are not stated, (n, 4).
+    Attributes
+    ----------
+    scene_id, im_id, obj_id
+        BOP numbers, (n,).
+    inst_id
+        Number of the instance among those of its object in its image, from 0, (n,).
+    cam_T_obj
+        Poses in metres, (n, 4, 4).
+    visib_fract
+        Visible share of the silhouette, NaN where it is not stated, (n,).
+    source
+        Where they came from, for messages.
+    box_xywh
+        Left, top, width, height of the whole silhouette in pixels, hidden parts included, NaN where
+        they are not stated, (n, 4).
     """
 
     scene_id: Int[ndarray, "n"]
@@ -88,9 +95,12 @@ def read_ground_truth(directory: str | PathLike[str]) -> GroundTruth:
 
     Rotations nearer than 0.02 to one (as in the official LM-O files) are projected.
 
-    Raises:
-        InputError: if there are no scene folders.
-        FormatError: naming file, image and key.
+    Raises
+    ------
+    InputError
+        If there are no scene folders.
+    FormatError
+        Naming file, image and key.
     """
     directory = Path(directory)
     keys: list[tuple[int, int, int, int]] = []
@@ -163,8 +173,10 @@ def _seen(
 def read_targets(path: str | PathLike[str]) -> list[Target]:
     """Read a targets file, bop19 (image, object, count) or bop24 (image alone).
 
-    Raises:
-        FormatError: naming the entry and the key.
+    Raises
+    ------
+    FormatError
+        Naming the entry and the key.
     """
     out = []
     for i, entry in enumerate(read_json(path, list)):
@@ -189,14 +201,21 @@ def _camera(entry: Any, path: Path, where: str) -> Camera:
 class BopDataset:
     """A BOP dataset directory, read when asked for; its name is the directory's.
 
-    Args:
-        root: The directory (``lmo``, ``ycbv``, …) with ``camera.json``, ``models`` and splits.
-        ground_truth: Where the scene folders lie, if not in a split of ``root``.
-        split: The split that holds the scene folders.
-        name: The dataset's name, if not the directory's.
+    Parameters
+    ----------
+    root
+        The directory (``lmo``, ``ycbv``, …) with ``camera.json``, ``models`` and splits.
+    ground_truth
+        Where the scene folders lie, if not in a split of ``root``.
+    split
+        The split that holds the scene folders.
+    name
+        The dataset's name, if not the directory's.
 
-    Raises:
-        InputError: if ``root`` is not a directory.
+    Raises
+    ------
+    InputError
+        If ``root`` is not a directory.
     """
 
     def __init__(
@@ -270,17 +289,22 @@ class BopDataset:
     def images(self) -> dict[tuple[int, int], Path]:
         """(scene, image) to its RGB file, of the split.
 
-        Raises:
-            InputError: if there are none.
+        Raises
+        ------
+        InputError
+            If there are none.
         """
         return find_images(self.scenes)
 
     def image(self, scene_id: int, im_id: int) -> UInt8[ndarray, "h w 3"]:
         """The RGB image, of the size that ``camera.json`` states.
 
-        Raises:
-            InputError: if there is no such image.
-            FormatError: if it is not RGB, of another size, or broken.
+        Raises
+        ------
+        InputError
+            If there is no such image.
+        FormatError
+            If it is not RGB, of another size, or broken.
         """
         if (scene_id, im_id) not in self.images:
             raise InputError(f"no image {scene_id}/{im_id} in {self.scenes}")

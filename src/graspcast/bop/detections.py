@@ -32,14 +32,21 @@ MIN_VISIBLE_SHARE = 0.1
 class Detections:
     """Detected objects, in the order of the file.
 
-    Attributes:
-        scene_id, im_id, obj_id: BOP numbers, (n,).
-        score: The detector's confidence, (n,); anything finite.
-        box_xywh: Left, top, width, height in pixels, (n, 4). Amodal: a box encloses hidden parts
-            too, so it may reach beyond the image, but some of it lies in the image.
-        source: The file they came from, for messages.
-        detector: What made them, where that is stated.
-        dropped: How many entries were left out, by reason.
+    Attributes
+    ----------
+    scene_id, im_id, obj_id
+        BOP numbers, (n,).
+    score
+        The detector's confidence, (n,); anything finite.
+    box_xywh
+        Left, top, width, height in pixels, (n, 4). Amodal: a box encloses hidden parts too, so it
+        may reach beyond the image, but some of it lies in the image.
+    source
+        The file they came from, for messages.
+    detector
+        What made them, where that is stated.
+    dropped
+        How many entries were left out, by reason.
     """
 
     scene_id: Int[ndarray, "n"]
@@ -72,15 +79,21 @@ def read_detections(
 ) -> Detections:
     """Read a BOP detections file; masks and run times in it are not used.
 
-    Args:
-        path: The JSON file.
-        dataset: Whose images and objects they are; checked against it if given.
-        lenient: Skip wrong entries and count them in ``dropped``, instead of raising.
+    Parameters
+    ----------
+    path
+        The JSON file.
+    dataset
+        Whose images and objects they are; checked against it if given.
+    lenient
+        Skip wrong entries and count them in ``dropped``, instead of raising.
 
-    Raises:
-        FormatError: naming file and entry: a missing key, a number that is not finite, an empty
-            box, the same box twice; and, given a dataset, an image or an object that it has not,
-            or a box beside the image.
+    Raises
+    ------
+    FormatError
+        Naming file and entry: a missing key, a number that is not finite, an empty box, the same
+        box twice; and, given a dataset, an image or an object that it has not, or a box beside the
+        image.
     """
     checks = _Checks(dataset)
     rows: list[tuple[int, int, int, float, list[float]]] = []
@@ -216,16 +229,24 @@ def jittered(
     about a detector: ``detector`` of the table, and of every entry of a file that is made of it,
     says what they are. An instance's box depends on its numbers and the seed alone.
 
-    Args:
-        dataset: With ``scene_gt_info.json``, whose ``bbox_obj`` are the boxes.
-        seed: Another seed moves the boxes otherwise.
-        targets: Only these objects, however little is visible of them; of a target that states no
-            object, all that are visible by at least 10 %, as of every image without targets.
-        shift: Largest displacement as a share of width and height.
-        scale: Largest change of width and height as a share of them.
+    Parameters
+    ----------
+    dataset
+        With ``scene_gt_info.json``, whose ``bbox_obj`` are the boxes.
+    seed
+        Another seed moves the boxes otherwise.
+    targets
+        Only these objects, however little is visible of them; of a target that states no object,
+        all that are visible by at least 10 %, as of every image without targets.
+    shift
+        Largest displacement as a share of width and height.
+    scale
+        Largest change of width and height as a share of them.
 
-    Raises:
-        InputError: if the ground truth states no boxes, or no instance is visible enough.
+    Raises
+    ------
+    InputError
+        If the ground truth states no boxes, or no instance is visible enough.
     """
     truth = dataset.ground_truth
     if truth.box_xywh is None or np.isnan(truth.box_xywh).all():

@@ -20,8 +20,10 @@ _KINDS = {"L": "is grayscale", "1": "is black and white", "P": "has a palette"}
 def find_images(directory: str | PathLike[str]) -> dict[tuple[int, int], Path]:
     """(scene, image) to file, of every ``SCENE/rgb/IMAGE.png`` (``.jpg``, ``.webp``).
 
-    Raises:
-        InputError: if there are none, or an image is there twice.
+    Raises
+    ------
+    InputError
+        If there are none, or an image is there twice.
     """
     directory = Path(directory)
     out: dict[tuple[int, int], Path] = {}
@@ -45,12 +47,17 @@ def read_image(
 ) -> UInt8[ndarray, "h w 3"]:
     """Read an RGB image.
 
-    Args:
-        path: PNG, JPEG or WebP.
-        size: The width and height that it must have, if any.
+    Parameters
+    ----------
+    path
+        PNG, JPEG or WebP.
+    size
+        The width and height that it must have, if any.
 
-    Raises:
-        FormatError: if it cannot be read, is grayscale, has an alpha channel, or another size.
+    Raises
+    ------
+    FormatError
+        If it cannot be read, is grayscale, has an alpha channel, or another size.
     """
     from PIL import Image, UnidentifiedImageError
 

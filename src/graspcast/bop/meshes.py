@@ -24,9 +24,12 @@ _GREY = 150
 class Mesh:
     """A triangle mesh in the object's frame.
 
-    Attributes:
-        vertices: Metres, (v, 3), in the file's order; nothing is merged.
-        faces: Vertex numbers, (f, 3); empty for a point cloud.
+    Attributes
+    ----------
+    vertices
+        Metres, (v, 3), in the file's order; nothing is merged.
+    faces
+        Vertex numbers, (f, 3); empty for a point cloud.
     """
 
     vertices: Float[ndarray, "v 3"]
@@ -36,8 +39,10 @@ class Mesh:
 def read_mesh(path: str | PathLike[str]) -> Mesh:
     """Read a BOP model (PLY in millimetres) into metres.
 
-    Raises:
-        FormatError: if the file cannot be read as PLY, or has no finite vertices.
+    Raises
+    ------
+    FormatError
+        If the file cannot be read as PLY, or has no finite vertices.
     """
     return _mesh(Path(path), _load(Path(path)))
 
@@ -48,8 +53,10 @@ def read_coloured_mesh(path: str | PathLike[str]) -> tuple[Mesh, UInt8[ndarray, 
     Colours are those of the vertices, or of the texture at each vertex; grey where the file has
     neither.
 
-    Raises:
-        FormatError: as :func:`read_mesh`.
+    Raises
+    ------
+    FormatError
+        As :func:`read_mesh`.
     """
     path = Path(path)
     loaded = _load(path)

@@ -38,12 +38,18 @@ class ContinuousSymmetry:
 class ModelInfo:
     """One object's entry of ``models_info.json``.
 
-    Attributes:
-        obj_id: The object's number.
-        diameter_m: The largest distance between two vertices.
-        lower, size: Corner and extent of the bounding box, metres, (3,).
-        discrete: Symmetry transforms other than the identity, (s, 4, 4).
-        continuous: Axes of rotational symmetry.
+    Attributes
+    ----------
+    obj_id
+        The object's number.
+    diameter_m
+        The largest distance between two vertices.
+    lower, size
+        Corner and extent of the bounding box, metres, (3,).
+    discrete
+        Symmetry transforms other than the identity, (s, 4, 4).
+    continuous
+        Axes of rotational symmetry.
     """
 
     obj_id: int
@@ -83,8 +89,10 @@ class ModelInfo:
 def read_models_info(path: str | PathLike[str]) -> dict[int, ModelInfo]:
     """Read ``models_info.json``: object number to its sizes and symmetries.
 
-    Raises:
-        FormatError: naming the object and the key.
+    Raises
+    ------
+    FormatError
+        Naming the object and the key.
     """
     out: dict[int, ModelInfo] = {}
     for key, entry in read_json(path, dict).items():
@@ -142,11 +150,15 @@ def _continuous(
 class Models:
     """A directory of models (``models_info.json`` and ``obj_000001.ply`` …), read when asked for.
 
-    Args:
-        directory: ``models`` or ``models_eval`` of a BOP dataset.
+    Parameters
+    ----------
+    directory
+        ``models`` or ``models_eval`` of a BOP dataset.
 
-    Raises:
-        FormatError: if ``models_info.json`` is missing or wrong.
+    Raises
+    ------
+    FormatError
+        If ``models_info.json`` is missing or wrong.
     """
 
     def __init__(self, directory: str | PathLike[str]):
@@ -157,8 +169,10 @@ class Models:
     def __getitem__(self, obj_id: int) -> ModelInfo:
         """The entry of an object.
 
-        Raises:
-            UnknownNameError: listing the objects there are.
+        Raises
+        ------
+        UnknownNameError
+            Listing the objects there are.
         """
         if obj_id not in self.info:
             raise UnknownNameError(

@@ -38,14 +38,22 @@ _MIN_MEDIAN_DISTANCE_MM = 10.0
 class Results:
     """Estimated poses, in the order of the file.
 
-    Attributes:
-        scene_id, im_id, obj_id: BOP numbers, (n,).
-        score: The estimator's own confidence, (n,); anything finite.
-        cam_T_obj: Poses in metres, (n, 4, 4).
-        time_s: Seconds that the image took, -1 if unknown, (n,).
-        line: Line number in the file, 0 if there is none, (n,).
-        source: The file they came from, for messages.
-        dropped: How many rows were left out, by reason.
+    Attributes
+    ----------
+    scene_id, im_id, obj_id
+        BOP numbers, (n,).
+    score
+        The estimator's own confidence, (n,); anything finite.
+    cam_T_obj
+        Poses in metres, (n, 4, 4).
+    time_s
+        Seconds that the image took, -1 if unknown, (n,).
+    line
+        Line number in the file, 0 if there is none, (n,).
+    source
+        The file they came from, for messages.
+    dropped
+        How many rows were left out, by reason.
     """
 
     scene_id: Int[ndarray, "n"]
@@ -174,15 +182,21 @@ def read_results(
     Rows whose pose is the identity with zero translation are an estimator's placeholder for
     'nothing found'; they are dropped and counted in ``dropped["placeholder"]``.
 
-    Args:
-        path: The file.
-        lenient: Skip bad rows and count them in ``dropped["bad row"]``, instead of raising.
-        placeholders: Keep placeholders (the paper's tables count them as estimates).
+    Parameters
+    ----------
+    path
+        The file.
+    lenient
+        Skip bad rows and count them in ``dropped["bad row"]``, instead of raising.
+    placeholders
+        Keep placeholders (the paper's tables count them as estimates).
 
-    Raises:
-        FormatError: naming file, line and remedy: a missing column, a field that is not what it
-            should be, a matrix further than 0.02 from a rotation, the same row twice, or
-            translations that look like metres.
+    Raises
+    ------
+    FormatError
+        Naming file, line and remedy: a missing column, a field that is not what it should be, a
+        matrix further than 0.02 from a rotation, the same row twice, or translations that look like
+        metres.
     """
     path = Path(path)
     bad = 0

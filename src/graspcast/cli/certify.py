@@ -11,9 +11,9 @@ from graspcast.cli.options import (
     Verbs,
     add_inputs,
     add_json,
+    add_ood_alpha,
     add_out,
     add_outcomes,
-    add_strange,
     count,
     inputs_of,
     new_verb,
@@ -23,8 +23,8 @@ from graspcast.cli.options import (
 from graspcast.errors import MismatchError
 
 if TYPE_CHECKING:
-    from graspcast.forecasting.model_card import Card
-    from graspcast.guarantees.certificate import Promise, Promises
+    from graspcast.forecasting.model_card import ModelCard
+    from graspcast.guarantees.certificate import Certificate, Guarantee
 
 __all__ = ["add"]
 
@@ -59,7 +59,9 @@ def add(verbs: Verbs) -> None:
         help="whether every attempt counts (default), or every unit with attempts, which needs "
         "fewer units and promises less",
     )
-    add_strange(verb, "as for predict: so unusual a disagreement is not attempted (default: 0.01)")
+    add_ood_alpha(
+        verb, "as for predict: so unusual a disagreement is not attempted (default: 0.01)"
+    )
     verb.add_argument("--per-object", action="store_true", help="a promise for each object too")
     verb.add_argument(
         "--simultaneous",
@@ -117,12 +119,12 @@ def _certify(options: argparse.Namespace) -> None:
     _check_unseen(card, set(scenes.tolist()), options.allow_training_scenes)
     probability = forecaster.probability(samples.estimates, inputs.models)
     # What a verdict would abstain from is no attempt here either.
-    probability[forecaster.p_value(samples.estimates) <= options.strange] = 0.0
+    probability[forecaster.p_value(samples.estimates) <= options.ood_alpha] = 0.0
     units = unit_names(samples.estimates, options.unit)
     objects = samples.objects if options.per_object else None
     settings = {"rate": options.rate, "confidence": options.confidence, "weight": options.weight}
-    apart = getattr(forecaster.predictor, "apart", None)
-    if options.explore or apart is None:
+    out_of_fold = getattr(forecaster.predictor, "out_of_fold", None)
+    if options.explore or out_of_fold is None:
         sequence, kept = explore(
             probability,
             samples.success,
@@ -134,13 +136,13 @@ def _certify(options: argparse.Namespace) -> None:
     else:
         kept = np.ones(len(units), dtype=bool)
         sequence = learn_sequence(
-            apart.probability,
-            apart.success,
-            apart.units(options.unit),
+            out_of_fold.probability,
+            out_of_fold.success,
+            out_of_fold.units(options.unit),
             calibration_units=len(np.unique(units)),
             **settings,
         )
-    promises = certify(
+    certificate = certify(
         probability[kept],
         samples.success[kept],
         units[kept],
@@ -151,7 +153,7 @@ def _certify(options: argparse.Namespace) -> None:
         seed=options.seed,
         provenance={
             "model": card.digest,
-            "strange": options.strange,
+            "ood_alpha": options.ood_alpha,
             "principal": card.principal,
             "gripper": card.gripper,
             "unit": options.unit,
@@ -163,13 +165,13 @@ def _certify(options: argparse.Namespace) -> None:
         },
         **settings,
     )
-    promises.save(options.out)
-    write_json(options.json, promises.as_dict())
-    _print_promises(promises, options.unit)
-    print_text(f"{options.out}: {promises.overall}")
+    certificate.save(options.out)
+    write_json(options.json, certificate.as_dict())
+    _print_promises(certificate, options.unit)
+    print_text(f"{options.out}: {certificate.overall}")
 
 
-def _check_unseen(card: Card, scenes: set[str], allowed: bool) -> None:
+def _check_unseen(card: ModelCard, scenes: set[str], allowed: bool) -> None:
     trained = getattr(card, "scenes", ())
     if not trained:
         note(
@@ -188,31 +190,35 @@ def _check_unseen(card: Card, scenes: set[str], allowed: bool) -> None:
     note(f"{len(seen)} calibration scenes were trained on ({some}): the promise means nothing")
 
 
-def _print_promises(promises: Promises, unit: str) -> None:
+def _print_promises(certificate: Certificate, unit: str) -> None:
     together = (
-        f"all {promises.family} together" if promises.family > 1 else "each promise for itself"
+        f"all {certificate.family} together"
+        if certificate.family > 1
+        else "each promise for itself"
     )
-    title = f"success rate >= {promises.rate:g}, confidence {promises.confidence:g} ({together})"
+    title = (
+        f"success rate >= {certificate.rate:g}, confidence {certificate.confidence:g} ({together})"
+    )
     header = ["attempts", "threshold", "shown at", f"{unit}s", "with one drawn", "succeeded"]
     header += ["lower bound", "attempted", "interval", "of these held", f"{unit}s needed"]
-    print_table(title, header, [_row(p) for p in promises.promises])
+    print_table(title, header, [_row(p) for p in certificate.guarantees])
 
 
-def _row(promise: Promise) -> list[str]:
-    low, high = promise.attempt_interval
-    held = f"{promise.attempts_held / promise.attempts:.3f}" if promise.attempts else "-"
+def _row(guarantee: Guarantee) -> list[str]:
+    low, high = guarantee.attempt_interval
+    held = f"{guarantee.attempts_held / guarantee.attempts:.3f}" if guarantee.attempts else "-"
     needed = "-"
-    if promise.threshold is None:
-        needed = "never" if promise.needed_units is None else str(promise.needed_units)
+    if guarantee.threshold is None:
+        needed = "never" if guarantee.needed_units is None else str(guarantee.needed_units)
     return [
-        promise.scope,
-        "none" if promise.threshold is None else f"{promise.threshold:.3f}",
-        f"{promise.shown_at:.3f}",
-        str(promise.units),
-        str(promise.attempted_units),
-        str(promise.successes),
-        f"{promise.lower:.3f}",
-        f"{promise.attempt_rate:.3f}",
+        guarantee.scope,
+        "none" if guarantee.threshold is None else f"{guarantee.threshold:.3f}",
+        f"{guarantee.shown_at:.3f}",
+        str(guarantee.units),
+        str(guarantee.attempted_units),
+        str(guarantee.successes),
+        f"{guarantee.lower:.3f}",
+        f"{guarantee.attempt_rate:.3f}",
         f"{low:.3f}-{high:.3f}",
         held,
         needed,

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from graspcast.estimates.loading import Inputs
     from graspcast.evaluation.estimator_comparison import Comparison, Judged
-    from graspcast.evaluation.paired_differences import Contrast
-    from graspcast.forecasting.training_data import Lessons
+    from graspcast.evaluation.paired_differences import PairedDifference
+    from graspcast.forecasting.training_data import TrainingData
 
 __all__ = ["add"]
 
@@ -79,11 +79,11 @@ def _compare(options: argparse.Namespace) -> None:
     from graspcast.forecasting.models.blend import ForestSettings
 
     inputs = inputs_of(options)
-    lessons = _lessons(options, inputs)
+    training_data = _lessons(options, inputs)
     note(*inputs.notes)
     with progress_bar("cross-validating") as move:
         found = compare(
-            lessons,
+            training_data,
             models=inputs.models,
             forests=ForestSettings(trees=options.trees, folds=0, seed=options.seed),
             folds=options.folds,
@@ -95,11 +95,11 @@ def _compare(options: argparse.Namespace) -> None:
     write_json(options.json, {"compare": found.as_dict()})
 
 
-def _lessons(options: argparse.Namespace, inputs: Inputs) -> list[Lessons]:
+def _lessons(options: argparse.Namespace, inputs: Inputs) -> list[TrainingData]:
     """Those of each estimator that has outcomes with the gripper."""
     from graspcast.errors import MismatchError, UnknownNameError
     from graspcast.estimates.loading import load_outcomes
-    from graspcast.forecasting.training_data import lessons
+    from graspcast.forecasting.training_data import training_data
 
     # Before outcomes are read: a consensus takes two, whatever they say.
     names = inputs.estimates().estimators
@@ -111,7 +111,7 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> list[Lessons]:
     for name in names:
         estimates = inputs.estimates(name)
         truth = inputs.truth(estimates, name)
-        learned = lessons(estimates, outcomes, name, options.gripper, truth=truth)
+        learned = training_data(estimates, outcomes, name, options.gripper, truth=truth)
         try:
             untried = learned.samples.untried
         except MismatchError as error:
@@ -174,7 +174,7 @@ def _print_principal(judged: Judged, gripper: str) -> None:
     )
 
 
-def _rows(word: str, contrasts: Mapping[str, Contrast]) -> list[list[str]]:
+def _rows(word: str, contrasts: Mapping[str, PairedDifference]) -> list[list[str]]:
     from graspcast.evaluation.paired_differences import FORECAST
 
     return [

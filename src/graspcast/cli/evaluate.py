@@ -39,13 +39,13 @@ def add(verbs: Verbs) -> None:
         "learn from simulation and for the protocol unseen_object_simulated; may be repeated",
     )
     verb.add_argument(
-        "--borrowed",
+        "--transferred",
         metavar="DIR",
         type=Path,
         action="append",
         default=[],
-        help="trials by errors borrowed from other objects (simulate --borrow), from which two "
-        "stages learn an object or gripper that has no outcomes; may be repeated",
+        help="trials by errors transferred from other objects (simulate --transferred-errors), from "
+        "which two stages learn an object or gripper that has no outcomes; may be repeated",
     )
     verb.add_argument("--methods", metavar="NAME", nargs="+", help="default: all")
     verb.add_argument(
@@ -125,7 +125,7 @@ def _evaluate(options: argparse.Namespace) -> None:
     from graspcast.evaluation.report import Bootstrap, evaluate
     from graspcast.evaluation.run import forecast_all
     from graspcast.evaluation.tables import render_evaluation
-    from graspcast.forecasting.training_data import ErrorOutcomes
+    from graspcast.forecasting.training_data import SimulatedTrials
     from graspcast.paper.dataset import Published
 
     start = time.perf_counter()
@@ -145,11 +145,11 @@ def _evaluate(options: argparse.Namespace) -> None:
     methods = {name: METHODS[name](options.seed) for name in names}
     simulated = read_all_outcomes(options.outcomes) if options.outcomes else None
     data = Published(options.data)
-    borrowed = {}
-    if options.borrowed:
+    transferred = {}
+    if options.transferred:
         grippers = data.outcomes["gripper"].unique().sort().to_list()
-        borrowed = {g: ErrorOutcomes.read(options.borrowed, g) for g in grippers}
-    benchmark = Benchmark.of(data, simulated, borrowed)
+        transferred = {g: SimulatedTrials.read(options.transferred, g) for g in grippers}
+    benchmark = Benchmark.of(data, simulated, transferred)
     with progress_bar("evaluating") as move:
         forecasts = forecast_all(
             benchmark, methods, protocols, work=options.work, seed=options.seed, progress=move

@@ -21,7 +21,7 @@ from graspcast.cli.validate_sim import published_trials
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:
-    from graspcast.simulation.grasps.observed_trials import LabelledTrials
+    from graspcast.simulation.grasps.observed_trials import ObservedTrials
 
 __all__ = ["add"]
 
@@ -64,10 +64,10 @@ def add(verbs: Verbs) -> None:
     add_json(verb)
 
 
-def _trials_of(options: argparse.Namespace) -> tuple[LabelledTrials, dict[str, Path]]:
+def _trials_of(options: argparse.Namespace) -> tuple[ObservedTrials, dict[str, Path]]:
     """The trials that the options name, and the datasets' BOP directories."""
     from graspcast.estimates.loading import load_outcomes
-    from graspcast.simulation.grasps.observed_trials import labelled_trials
+    from graspcast.simulation.grasps.observed_trials import observed_trials
 
     if options.data is not None:
         return published_trials(options.data)
@@ -75,7 +75,7 @@ def _trials_of(options: argparse.Namespace) -> tuple[LabelledTrials, dict[str, P
         raise InputError("give --data, or else --estimates, --bop and --outcomes")
     inputs = inputs_of(options)
     names = sorted({name for tables in inputs.results.values() for name in tables})
-    trials = labelled_trials(
+    trials = observed_trials(
         inputs.results, inputs.datasets, load_outcomes(options.outcomes, names)
     )
     note(*inputs.notes)

@@ -31,7 +31,9 @@ def add(verbs: Verbs) -> None:
         "taken in before is skipped, so the command may be repeated, or killed, at any time.\n\n"
         "Exit code: 0 no alarm, 3 alarm (which stays until --restart), 2 something is wrong.",
     )
-    verb.add_argument("--promise", metavar="PATH", type=Path, required=True, help="from certify")
+    verb.add_argument(
+        "--certificate", metavar="PATH", type=Path, required=True, help="from certify"
+    )
     verb.add_argument(
         "--state", metavar="PATH", type=Path, required=True, help="made if it is not there"
     )
@@ -65,30 +67,30 @@ def add(verbs: Verbs) -> None:
 
 
 def _monitor(options: argparse.Namespace) -> int:
-    from graspcast.guarantees.certificate import OVERALL, Promises
-    from graspcast.guarantees.monitor_state import FieldLog
+    from graspcast.guarantees.certificate import OVERALL, Certificate
+    from graspcast.guarantees.monitor_state import MonitorState
 
-    promises = Promises.load(options.promise)
-    promise = promises.of(options.object or OVERALL)
-    if promise.threshold is None:
+    certificate = Certificate.load(options.certificate)
+    guarantee = certificate.of(options.object or OVERALL)
+    if guarantee.threshold is None:
         raise InputError(
-            f"{options.promise}: promises nothing ({promise}); there is no rate to watch"
+            f"{options.certificate}: promises nothing ({guarantee}); there is no rate to watch"
         )
-    log = FieldLog.open(
+    log = MonitorState.open(
         options.state,
-        options.promise,
-        promise,
+        options.certificate,
+        guarantee,
         alpha=options.alpha,
         most_attempts=options.most_attempts,
     )
     if options.restart:
         log.monitor.restart()
     by_unit = options.most_attempts is None and log.monitor.most_attempts is None
-    if promises.weight == "attempt" and by_unit:
+    if certificate.weight == "attempt" and by_unit:
         note(
             "every attempt counts in this promise; without --most-attempts, every unit counts alike"
         )
-    new = log.take_in(options.outcomes, promises.provenance)
+    new = log.update(options.outcomes, certificate.provenance)
     if options.close:
         log.monitor.close()
     log.save()
@@ -97,8 +99,8 @@ def _monitor(options: argparse.Namespace) -> int:
     state = f"ALARM since attempt {monitor.alarm_at}" if monitor.alarm else "no alarm"
     rate = f"{monitor.successes / monitor.trials:.3f}" if monitor.trials else "-"
     print_text(
-        f"{promise.scope}: {state}. {new} new attempts, {monitor.trials} in all, {rate} of them "
-        f"held; {promise.rate:g} is promised. Evidence against it: {monitor.evidence:.3g} of the "
+        f"{guarantee.scope}: {state}. {new} new attempts, {monitor.trials} in all, {rate} of them "
+        f"held; {guarantee.rate:g} is promised. Evidence against it: {monitor.evidence:.3g} of the "
         f"{1 / monitor.alpha:g} that raise an alarm (at most {monitor.evidence_peak:.3g} so far)"
     )
     return 3 if monitor.alarm else 0

@@ -19,9 +19,9 @@ __all__ = [
     "add_estimates",
     "add_inputs",
     "add_json",
+    "add_ood_alpha",
     "add_out",
     "add_outcomes",
-    "add_strange",
     "add_tables",
     "bop_dirs_of",
     "count",
@@ -177,10 +177,10 @@ def scene_and_image(text: str) -> tuple[int, int]:
     return int(parts[0]), int(parts[1])
 
 
-def add_strange(verb: argparse.ArgumentParser, what: str) -> None:
-    """``--strange P``; a promise holds only for verdicts with the same."""
+def add_ood_alpha(verb: argparse.ArgumentParser, what: str) -> None:
+    """``--ood-alpha P``; a promise holds only for verdicts with the same."""
     # graspcast.forecasting.verdict.STRANGE, to name which would load NumPy for every --help.
-    verb.add_argument("--strange", metavar="P", type=share, default=0.01, help=what)
+    verb.add_argument("--ood-alpha", metavar="P", type=share, default=0.01, help=what)
 
 
 def add_out(verb: argparse.ArgumentParser, what: str) -> None:

@@ -11,8 +11,8 @@ from graspcast.cli.console import note, print_text
 from graspcast.cli.options import (
     Verbs,
     add_inputs,
+    add_ood_alpha,
     add_out,
-    add_strange,
     inputs_of,
     new_verb,
     share,
@@ -55,14 +55,14 @@ def add(verbs: Verbs) -> None:
         help="attempt at this probability or above it (default: 0.5)",
     )
     verb.add_argument(
-        "--promise",
+        "--certificate",
         metavar="PATH",
         type=Path,
         action="append",
         default=[],
         help="from certify: its threshold instead; one for each model",
     )
-    add_strange(
+    add_ood_alpha(
         verb,
         "abstain where a disagreement is so unusual that training has at most this share of such; "
         "0 trusts every forecast (default: 0.01)",
@@ -105,12 +105,12 @@ def _predict(options: argparse.Namespace) -> None:
     write_verdicts(options.out, rows)
     note(*inputs.notes)
     attempts = sum(row.verdict.attempt for row in rows)
-    strange = sum(row.verdict.unfamiliar for row in rows)
+    ood_alpha = sum(row.verdict.out_of_distribution for row in rows)
     print_text(
         f"{options.out}: {len(rows)} verdicts, {attempts} to attempt"
-        + (f", {strange} unfamiliar" if strange else "")
+        + (f", {ood_alpha} unfamiliar" if ood_alpha else "")
     )
-    for text in terms.promised:
+    for text in terms.guaranteed:
         print_text(text)
 
 
@@ -119,42 +119,44 @@ class _Terms:
 
     def __init__(self, options: argparse.Namespace):
         from graspcast.errors import InputError
-        from graspcast.guarantees.certificate import Promises
+        from graspcast.guarantees.certificate import Certificate
 
-        if options.promise and options.threshold is not None:
-            raise InputError("--promise brings its own threshold: leave out --threshold")
+        if options.certificate and options.threshold is not None:
+            raise InputError("--certificate brings its own threshold: leave out --threshold")
         self.threshold = 0.5 if options.threshold is None else options.threshold
-        self.promises = {
-            promises.provenance.get("model"): promises
-            for promises in map(Promises.load, options.promise)
+        self.certificate = {
+            certificate.provenance.get("model"): certificate
+            for certificate in map(Certificate.load, options.certificate)
         }
-        self.strange: float = options.strange
-        self.promised: list[str] = []
+        self.ood_alpha: float = options.ood_alpha
+        self.guaranteed: list[str] = []
 
     def of(self, forecaster: Forecaster) -> tuple[float | None, str | None]:
         """Threshold and promise for a model's forecasts.
 
-        Raises:
-            MismatchError: if there are promises but none was made for this model.
+        Raises
+        ------
+        MismatchError
+            If there are promises but none was made for this model.
         """
-        if not self.promises:
+        if not self.certificate:
             return self.threshold, None
         card = forecaster.card
-        if card.digest not in self.promises:
+        if card.digest not in self.certificate:
             raise MismatchError(
                 f"no promise was made for the model with {', '.join(card.supporters)}: certify it, "
-                "and give its --promise too"
+                "and give its --certificate too"
             )
-        promises = self.promises[card.digest]
-        certified = promises.provenance.get("strange", self.strange)
-        if certified != self.strange:
+        certificate = self.certificate[card.digest]
+        certified = certificate.provenance.get("ood_alpha", self.ood_alpha)
+        if certified != self.ood_alpha:
             raise MismatchError(
-                f"the promise was certified with --strange {certified:g}, not {self.strange:g}: "
+                f"the certificate was made with --ood-alpha {certified:g}, not {self.ood_alpha:g}: "
                 "what is attempted would not be what was promised"
             )
-        promise = promises.overall
-        self.promised.append(str(promise))
-        return promise.threshold, str(promise)
+        guarantee = certificate.overall
+        self.guaranteed.append(str(guarantee))
+        return guarantee.threshold, str(guarantee)
 
 
 def _verdicts(
@@ -170,13 +172,13 @@ def _verdicts(
 
     from graspcast.forecasting.verdict import verdict_rows
 
-    threshold, promise = terms
+    threshold, guarantee = terms
     verdicts = forecaster.verdicts(
         estimates,
         models,
         threshold=threshold,
-        promise=promise,
-        strange=options.strange,
+        guarantee=guarantee,
+        ood_alpha=options.ood_alpha,
         explain=options.explain,
     )
     verdicts = [replace(verdict, reason=verdict.reason + told) for verdict in verdicts]

@@ -45,7 +45,7 @@ def add(verbs: Verbs) -> None:
         help="parallel, underactuated, or an own gripper's .toml; may be repeated",
     )
     verb.add_argument(
-        "--borrow",
+        "--transferred-errors",
         metavar="N",
         type=int,
         help="instead, N trials of each object by errors that the estimators made on the others;\n"
@@ -97,7 +97,9 @@ def _pairs(
     }
     odd = [name for name in wanted if not name.rpartition("-")[0] or not name[-1].isdecimal()]
     if odd:
-        raise InputError(f"--borrow needs --objects as DATASET-NUMBER (lmo-5), not {odd[0]!r}")
+        raise InputError(
+            f"--transferred-errors needs --objects as DATASET-NUMBER (lmo-5), not {odd[0]!r}"
+        )
     pairs = [(name, gripper) for name in sorted(wanted or seen) for gripper in grippers]
     known = [pair for pair in pairs if pair in grasps]
     if not known or (wanted and len(known) < len(pairs)):
@@ -108,21 +110,21 @@ def _pairs(
 
 def _simulate(options: argparse.Namespace) -> None:
     from graspcast.simulation.campaign.campaign import run_campaign
-    from graspcast.simulation.campaign.from_estimates import guided_trials
-    from graspcast.simulation.campaign.jobs import load_pairs
-    from graspcast.simulation.campaign.transferred_errors import borrowed_trials
+    from graspcast.simulation.campaign.from_estimates import trials_from_estimates
+    from graspcast.simulation.campaign.jobs import load_setups
+    from graspcast.simulation.campaign.transferred_errors import trials_from_transferred_errors
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.catalogue import read_catalogue
 
     wanted = options.objects
-    if options.borrow is not None:
+    if options.transferred_errors is not None:
         options.objects = []  # the others' errors are what is borrowed
     inputs = inputs_of(options)
     grippers = {hand.name: hand for hand in map(load_gripper, options.gripper)}
     grasps = read_grasps(options.grasps)
-    if options.borrow is None:
-        requests = guided_trials(
+    if options.transferred_errors is None:
+        requests = trials_from_estimates(
             inputs.results,
             inputs.datasets,
             tuple(grippers),
@@ -130,15 +132,15 @@ def _simulate(options: argparse.Namespace) -> None:
             notes=inputs.notes,
         )
     else:
-        requests = borrowed_trials(
+        requests = trials_from_transferred_errors(
             inputs.results,
             inputs.datasets,
             _pairs(wanted, inputs, grasps, tuple(grippers)),
-            count=options.borrow,
+            count=options.transferred_errors,
             seed=options.seed,
         )
     note(*inputs.notes)
-    pairs = load_pairs(
+    pairs = load_setups(
         requests,
         grasps,
         bop_dirs={name: dataset.root for name, dataset in inputs.datasets.items()},

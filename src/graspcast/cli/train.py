@@ -21,7 +21,7 @@ from graspcast.cli.options import (
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
-    from graspcast.forecasting.training_data import Lessons
+    from graspcast.forecasting.training_data import TrainingData
 
 __all__ = ["add"]
 
@@ -46,7 +46,8 @@ def add(verbs: Verbs) -> None:
         type=Path,
         action="append",
         default=[],
-        help="a campaign (best: simulate --borrow) to learn objects from that have no outcomes",
+        help="a campaign (best: simulate --transferred-errors) from which to learn objects "
+        "without outcomes",
     )
     verb.add_argument(
         "--method",
@@ -148,7 +149,7 @@ def _train(options: argparse.Namespace) -> None:
     )
 
 
-def _lessons(options: argparse.Namespace, inputs: Inputs) -> Lessons:
+def _lessons(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
     """All that the options give to learn from; says what they lack."""
     import numpy as np
 
@@ -156,7 +157,7 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> Lessons:
     from graspcast.estimates.loading import load_outcomes
     from graspcast.estimates.matching import true_poses
     from graspcast.forecasting.samples import join
-    from graspcast.forecasting.training_data import ErrorOutcomes, lessons
+    from graspcast.forecasting.training_data import SimulatedTrials, training_data
 
     estimates = inputs.estimates(options.principal)
     outcomes = None
@@ -167,7 +168,7 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> Lessons:
             inputs.notes.append(f"{untried} instances have no outcome")
     simulated = None
     if options.simulated:
-        simulated = ErrorOutcomes.read(options.simulated, options.gripper)
+        simulated = SimulatedTrials.read(options.simulated, options.gripper)
     if outcomes is None and simulated is None:
         raise InputError("there is nothing to learn from: give --outcomes, --simulated, or both")
     truth = None
@@ -178,7 +179,7 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> Lessons:
             truth = inputs.truth(estimates, options.principal)
         if truth is not None and (without := int(np.isnan(truth[:, 0, 0]).sum())):
             inputs.notes.append(f"{without} instances have no ground truth")
-    return lessons(
+    return training_data(
         estimates, outcomes, options.principal, options.gripper, truth=truth, simulated=simulated
     )
 

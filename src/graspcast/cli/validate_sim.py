@@ -16,7 +16,7 @@ from graspcast.cli.options import (
 from graspcast.cli.simulate import words_of
 
 if TYPE_CHECKING:
-    from graspcast.simulation.grasps.observed_trials import LabelledTrials
+    from graspcast.simulation.grasps.observed_trials import ObservedTrials
 
 __all__ = ["add", "published_trials"]
 
@@ -47,11 +47,11 @@ def add(verbs: Verbs) -> None:
     add_json(verb)
 
 
-def published_trials(directory: Path) -> tuple[LabelledTrials, dict[str, Path]]:
+def published_trials(directory: Path) -> tuple[ObservedTrials, dict[str, Path]]:
     """Return the published trials, and the datasets' BOP directories."""
     from graspcast.bop.results import read_results
     from graspcast.paper.dataset import DATASETS, ESTIMATORS, Published
-    from graspcast.simulation.grasps.observed_trials import labelled_trials
+    from graspcast.simulation.grasps.observed_trials import observed_trials
 
     data = Published(directory)
     # The paper's tables count placeholders for 'nothing found' as estimates.
@@ -59,7 +59,7 @@ def published_trials(directory: Path) -> tuple[LabelledTrials, dict[str, Path]]:
         name: {e: read_results(data.results_path(e, name), placeholders=True) for e in ESTIMATORS}
         for name in DATASETS
     }
-    trials = labelled_trials(results, data.bop, data.outcomes)
+    trials = observed_trials(results, data.bop, data.outcomes)
     return trials, {name: dataset.root for name, dataset in data.bop.items()}
 
 
@@ -67,13 +67,13 @@ def _validate_sim(options: argparse.Namespace) -> None:
     from graspcast.paper.validation import compare, render_cells, render_table1
     from graspcast.simulation.campaign.campaign import run_campaign
     from graspcast.simulation.campaign.executors import LocalExecutor
-    from graspcast.simulation.campaign.jobs import load_pairs
+    from graspcast.simulation.campaign.jobs import load_setups
     from graspcast.simulation.grasps.search import jitter_held
     from graspcast.simulation.grasps.table import read_grasps
 
     trials, bop_dirs = published_trials(options.data)
     grasps = read_grasps(options.grasps)
-    pairs = load_pairs(trials.requests, grasps, bop_dirs=bop_dirs)
+    pairs = load_setups(trials.requests, grasps, bop_dirs=bop_dirs)
     directory = options.out or (options.json or Path("validation.json")).with_suffix(".campaign")
     with progress_bar("trying grasps") as move:
         outcomes = run_campaign(

@@ -21,7 +21,7 @@ from graspcast.errors import InputError, MismatchError, UnknownNameError
 
 __all__ = [
     "Estimates",
-    "Partial",
+    "IncompleteInstance",
     "align",
     "assign",
     "concatenate",
@@ -34,7 +34,7 @@ _COLUMNS = ("dataset", "scene_id", "im_id", "obj_id", "inst_id")
 
 
 @dataclass(frozen=True)
-class Partial:
+class IncompleteInstance:
     """An instance of the anchor's that some other estimator lacks."""
 
     dataset: str
@@ -49,13 +49,20 @@ class Partial:
 class Estimates:
     """Poses of n instances by K estimators.
 
-    Attributes:
-        estimators: Names, in the order of ``cam_T_obj``'s first axis.
-        dataset: The dataset's name for each instance, (n,).
-        scene_id, im_id, obj_id, inst_id: BOP numbers, (n,).
-        cam_T_obj: Poses in metres, (K, n, 4, 4).
-        lacking: For each estimator, how many instances it lacks that another one has.
-        partial: The anchor's instances that were dropped, and who lacks them.
+    Attributes
+    ----------
+    estimators
+        Names, in the order of ``cam_T_obj``'s first axis.
+    dataset
+        The dataset's name for each instance, (n,).
+    scene_id, im_id, obj_id, inst_id
+        BOP numbers, (n,).
+    cam_T_obj
+        Poses in metres, (K, n, 4, 4).
+    lacking
+        For each estimator, how many instances it lacks that another one has.
+    partial
+        The anchor's instances that were dropped, and who lacks them.
     """
 
     estimators: tuple[str, ...]
@@ -66,7 +73,7 @@ class Estimates:
     inst_id: Int[ndarray, "n"]
     cam_T_obj: Float[ndarray, "k n 4 4"]
     lacking: Mapping[str, int] = field(default_factory=dict)
-    partial: tuple[Partial, ...] = ()
+    partial: tuple[IncompleteInstance, ...] = ()
 
     def __len__(self) -> int:
         return len(self.obj_id)
@@ -74,8 +81,10 @@ class Estimates:
     def index(self, estimator: str) -> int:
         """The number of an estimator.
 
-        Raises:
-            UnknownNameError: listing those there are.
+        Raises
+        ------
+        UnknownNameError
+            Listing those there are.
         """
         if estimator not in self.estimators:
             raise UnknownNameError("estimator", estimator, self.estimators)
@@ -93,8 +102,10 @@ class Estimates:
     def only(self, *estimators: str) -> Estimates:
         """The poses by these estimators, in this order.
 
-        Raises:
-            UnknownNameError: for one that is not there.
+        Raises
+        ------
+        UnknownNameError
+            For one that is not there.
         """
         if estimators == self.estimators:
             return self
@@ -132,13 +143,19 @@ def instance_numbers(results: Results) -> Int[ndarray, "n"]:
 def rows_in_image(results: Results, scene_id: int, im_id: int, what: str) -> Int[ndarray, "m"]:
     """An image's rows by instance number, so that of one object's results row N is instance N.
 
-    Args:
-        results: Those of one object, or of several.
-        scene_id, im_id: The image.
-        what: Whose results they are, for the message.
+    Parameters
+    ----------
+    results
+        Those of one object, or of several.
+    scene_id, im_id
+        The image.
+    what
+        Whose results they are, for the message.
 
-    Raises:
-        InputError: if there are none, listing images that have some.
+    Raises
+    ------
+    InputError
+        If there are none, listing images that have some.
     """
     rows = np.flatnonzero((results.scene_id == scene_id) & (results.im_id == im_id))
     if not len(rows):
@@ -171,15 +188,23 @@ def assign(
 def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = None) -> Estimates:
     """Put K >= 2 estimators' results of one dataset side by side.
 
-    Args:
-        results: Estimator's name to its results.
-        dataset: The dataset's name.
-        anchor: The estimator whose detections number the instances; by default the first.
+    Parameters
+    ----------
+    results
+        Estimator's name to its results.
+    dataset
+        The dataset's name.
+    anchor
+        The estimator whose detections number the instances; by default the first.
 
-    Raises:
-        InputError: for fewer than two estimators.
-        UnknownNameError: for an anchor that is none of them.
-        MismatchError: if no instance has a pose by all of them.
+    Raises
+    ------
+    InputError
+        For fewer than two estimators.
+    UnknownNameError
+        For an anchor that is none of them.
+    MismatchError
+        If no instance has a pose by all of them.
     """
     names = tuple(results)
     if len(names) < 2:
@@ -197,7 +222,7 @@ def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = 
     counts = np.stack([np.bincount(g, minlength=len(keys)) for g in groups])
     missing = (counts.max(axis=0) - counts).sum(axis=1)
     kept: list[tuple[int, int, list[int]]] = []  # key, instance, one row for each estimator
-    partial: list[Partial] = []
+    partial: list[IncompleteInstance] = []
     rows_of = [_rows_by_group(t, g) for t, g in zip(results.values(), groups, strict=True)]
     for key in np.flatnonzero(counts[first]).tolist():
         rows = [by_key.get(key, []) for by_key in rows_of]
@@ -205,7 +230,7 @@ def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = 
             if None in found:
                 without = tuple(n for n, r in zip(names, found, strict=True) if r is None)
                 scene, image, obj_id = keys[key].tolist()
-                partial.append(Partial(dataset, scene, image, obj_id, i, without))
+                partial.append(IncompleteInstance(dataset, scene, image, obj_id, i, without))
             else:
                 kept.append((key, i, [r for r in found if r is not None]))
     if not kept:
@@ -243,10 +268,14 @@ def partners(
 ) -> Iterator[list[int | None]]:
     """For each of the anchor's rows the one of every estimator, or None.
 
-    Args:
-        rows: For each estimator, its rows of one object in one image, by decreasing score.
-        anchor: The number of the estimator whose detections number the instances.
-        results: Each estimator's results.
+    Parameters
+    ----------
+    rows
+        For each estimator, its rows of one object in one image, by decreasing score.
+    anchor
+        The number of the estimator whose detections number the instances.
+    results
+        Each estimator's results.
     """
     if all(len(found) <= 1 for found in rows):  # nearly always
         yield [found[0] if found else None for found in rows]
@@ -264,8 +293,10 @@ def partners(
 def concatenate(parts: Iterable[Estimates]) -> Estimates:
     """Estimates of several datasets, one after the other.
 
-    Raises:
-        MismatchError: if the estimators differ.
+    Raises
+    ------
+    MismatchError
+        If the estimators differ.
     """
     parts = list(parts)
     names = parts[0].estimators

@@ -26,10 +26,13 @@ _LARGE_DEG, _FLIPPED_DEG, _LARGE_MM = 30.0, 90.0, 50.0
 def tails(errors: pl.DataFrame) -> pl.DataFrame:
     """Quantiles of one estimator's errors over objects, and how many are large.
 
-    Args:
-        errors: As from :func:`graspcast.estimates.error_tables.measure`, with :data:`MEASURED`.
+    Parameters
+    ----------
+    errors
+        As from :func:`graspcast.estimates.error_tables.measure`, with :data:`MEASURED`.
 
-    Returns:
+    Returns
+    -------
         A row for each object, and one (``obj_id`` null) of all instances alike: ``n``; 50, 75 and
         95 % quantiles of rotation and translation; the median share of the translation error that
         lies along the viewing ray; the shares of rotations off by more than 30° and 90°, and of
@@ -56,16 +59,21 @@ def tails(errors: pl.DataFrame) -> pl.DataFrame:
 def correlations(errors: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
     """Rank correlation (Spearman) of errors between estimators, over instances both have seen.
 
-    Args:
-        errors: Each estimator's, as from :func:`graspcast.estimates.error_tables.measure`.
+    Parameters
+    ----------
+    errors
+        Each estimator's, as from :func:`graspcast.estimates.error_tables.measure`.
 
-    Returns:
+    Returns
+    -------
         A row for each pair: ``first, second, n``, the correlations ``rotation`` and
-        ``translation``, and ``both_large``: of the instances on which one of the two is off by
-        more than 30° or 50 mm, the share on which the other is too (null if there is none).
+        ``translation``, and ``both_large``: of the instances on which one of the two is off by more
+        than 30° or 50 mm, the share on which the other is too (null if there is none).
 
-    Raises:
-        MismatchError: if two estimators have no instance in common.
+    Raises
+    ------
+    MismatchError
+        If two estimators have no instance in common.
     """
     large = (pl.col("rotation_deg") > _LARGE_DEG) | (pl.col("translation_mm") > _LARGE_MM)
     tables = {

@@ -38,18 +38,27 @@ def measure(
 ) -> pl.DataFrame:
     """The errors of every estimate that has a ground truth, a row each.
 
-    Args:
-        results: Estimates.
-        dataset: Ground truth, models and cameras.
-        only: The measures that are wanted.
-        progress: Called with the share of the objects that are done.
+    Parameters
+    ----------
+    results
+        Estimates.
+    dataset
+        Ground truth, models and cameras.
+    only
+        The measures that are wanted.
+    progress
+        Called with the share of the objects that are done.
 
-    Returns:
+    Returns
+    -------
         ``scene_id, im_id, obj_id, inst_id`` and a column for each measure.
 
-    Raises:
-        UnknownNameError: for an object that the dataset's models lack.
-        MismatchError: if no estimate has a ground truth.
+    Raises
+    ------
+    UnknownNameError
+        For an object that the dataset's models lack.
+    MismatchError
+        If no estimate has a ground truth.
     """
     truth = dataset.ground_truth
     matched = match(results, truth)

@@ -45,8 +45,10 @@ def part_of(
 ) -> ndarray:
     """The part of each trial, as text, (n,).
 
-    Raises:
-        MismatchError: for an image that is not among the annotated frames of its scene.
+    Raises
+    ------
+    MismatchError
+        For an image that is not among the annotated frames of its scene.
     """
     out = np.empty(len(im_id), dtype="U6")
     names = np.array(PARTS)

@@ -32,10 +32,14 @@ __all__ = ["Inputs", "load_inputs", "load_outcomes"]
 class Inputs:
     """Results of every estimator on every dataset.
 
-    Attributes:
-        datasets: Dataset's name to its BOP directory, where one was given.
-        results: Dataset's name to estimator's name to results.
-        notes: What was left out, in words.
+    Attributes
+    ----------
+    datasets
+        Dataset's name to its BOP directory, where one was given.
+    results
+        Dataset's name to estimator's name to results.
+    notes
+        What was left out, in words.
     """
 
     datasets: Mapping[str, BopDataset]
@@ -66,9 +70,12 @@ class Inputs:
     ) -> Estimates:
         """The estimators (all, or some) side by side; adds to :attr:`notes` what some lack.
 
-        Raises:
-            MismatchError: if no instance has a pose by all, or estimators differ among datasets.
-            UnknownNameError: for an anchor that is none of them.
+        Raises
+        ------
+        MismatchError
+            If no instance has a pose by all, or estimators differ among datasets.
+        UnknownNameError
+            For an anchor that is none of them.
         """
         together = concatenate(
             [
@@ -101,16 +108,25 @@ def load_inputs(
     A file belongs to the dataset that its name states (``METHOD_DATASET-SPLIT.csv``); if it states
     none, to the only BOP directory.
 
-    Args:
-        estimates: Estimator's name and file; a name may come once for each dataset.
-        bop: BOP directories, each with a name if it is not the directory's.
-        ground_truth: Directories of scene folders, one for each BOP directory, in their order.
-        objects: The wanted objects (``5`` or ``lmo-5``), all if empty.
-        scenes: The numbers of the wanted scenes, all if empty.
-        lenient: Skip bad rows and unknown objects.
+    Parameters
+    ----------
+    estimates
+        Estimator's name and file; a name may come once for each dataset.
+    bop
+        BOP directories, each with a name if it is not the directory's.
+    ground_truth
+        Directories of scene folders, one for each BOP directory, in their order.
+    objects
+        The wanted objects (``5`` or ``lmo-5``), all if empty.
+    scenes
+        The numbers of the wanted scenes, all if empty.
+    lenient
+        Skip bad rows and unknown objects.
 
-    Raises:
-        InputError: naming the file, what is wrong, and the remedy.
+    Raises
+    ------
+    InputError
+        Naming the file, what is wrong, and the remedy.
     """
     if len(ground_truth) not in (0, len(bop)):
         raise InputError(
@@ -212,9 +228,12 @@ def _is_of(name: str, dataset_name: str) -> bool:
 def load_outcomes(paths: Sequence[Path], estimators: Sequence[str]) -> pl.DataFrame:
     """Read outcomes from several files or directories as one table.
 
-    Raises:
-        InputError: naming the file that is wrong.
-        UnknownNameError: if none of the estimators has outcomes.
+    Raises
+    ------
+    InputError
+        Naming the file that is wrong.
+    UnknownNameError
+        If none of the estimators has outcomes.
     """
     table = read_all_outcomes(paths)
     known = table["estimator"].unique().sort().to_list()

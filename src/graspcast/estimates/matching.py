@@ -23,8 +23,10 @@ def match(results: Results, truth: GroundTruth) -> Int[ndarray, "n"]:
 
     Several of one object in an image are paired one to one with the smallest total distance.
 
-    Raises:
-        MismatchError: if not one estimate's image is known to the ground truth.
+    Raises
+    ------
+    MismatchError
+        If not one estimate's image is known to the ground truth.
     """
     out = _matched(
         (results.scene_id, results.im_id, results.obj_id), results.cam_T_obj[:, :3, 3], truth
@@ -89,10 +91,14 @@ def nearest_truth(
     A turn by a symmetry is no error, but carried over to another object it would be one. Poses that
     are not known (NaN) stay as they are.
 
-    Args:
-        est_T_true: ``inv(cam_T_est) @ cam_T_true``.
-        dataset, obj_id: Of which object each is, (n,).
-        models: Dataset's name to its object models.
+    Parameters
+    ----------
+    est_T_true
+        ``inv(cam_T_est) @ cam_T_true``.
+    dataset, obj_id
+        Of which object each is, (n,).
+    models
+        Dataset's name to its object models.
     """
     out = est_T_true.copy()
     known = np.isfinite(out).all(axis=(1, 2))

@@ -55,11 +55,14 @@ _COLUMNS: dict[str, Any] = {
 def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
     """Read outcomes from CSV, Parquet, or a directory of Parquet shards (a campaign).
 
-    Returns:
+    Returns
+    -------
         The columns of :data:`KEYS` and ``success`` (0 or 1); further columns are left out.
 
-    Raises:
-        FormatError: naming the file, the column or row, and the remedy.
+    Raises
+    ------
+    FormatError
+        Naming the file, the column or row, and the remedy.
     """
     path = Path(path)
     frame = _read(path)
@@ -104,9 +107,12 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
 def read_all_outcomes(paths: Iterable[str | PathLike[str]]) -> pl.DataFrame:
     """Read outcomes from several files or directories as one table.
 
-    Raises:
-        FormatError: naming the file that is wrong.
-        InputError: if two of them hold the same trial.
+    Raises
+    ------
+    FormatError
+        Naming the file that is wrong.
+    InputError
+        If two of them hold the same trial.
     """
     paths = list(paths)
     table = pl.concat([read_outcomes(path) for path in paths])
@@ -125,11 +131,14 @@ def read_error_outcomes(
 ) -> tuple[pl.DataFrame, Float[ndarray, "n 4 4"]]:
     """Read outcomes together with the errors that guided the trials (a campaign has them).
 
-    Returns:
+    Returns
+    -------
         ``object`` (``dataset-number``), ``gripper``, ``success`` (bool); and ``obj_T_est``.
 
-    Raises:
-        FormatError: as :func:`read_outcomes`, or if the errors' columns are missing.
+    Raises
+    ------
+    FormatError
+        As :func:`read_outcomes`, or if the errors' columns are missing.
     """
     path = Path(path)
     frame = _read(path)

@@ -1,1 +1,1 @@
-"""TODO evaluation."""
+"""How good forecasts are: scores, protocols, comparisons with confidence intervals."""

@@ -20,7 +20,7 @@ from graspcast.estimates.image_split import frames_of, part_of
 from graspcast.estimates.instances import scene_groups
 from graspcast.estimates.matching import true_poses
 from graspcast.forecasting.samples import Samples, join
-from graspcast.forecasting.training_data import ErrorOutcomes
+from graspcast.forecasting.training_data import SimulatedTrials
 from graspcast.paper.dataset import Published
 
 __all__ = ["Benchmark"]
@@ -32,16 +32,25 @@ _KEYS = ("dataset", "scene_id", "im_id", "obj_id", "inst_id")
 class Benchmark:
     """The data that every method learns from and is judged on; rows are instances.
 
-    Attributes:
-        estimates: All estimators' poses of n instances.
-        truth: Their true poses ``cam_T_obj``, metres, (n, 4, 4).
-        outcomes: Of trials, as :func:`graspcast.estimates.outcomes.read_outcomes` returns them.
-        split: As :func:`graspcast.paper.published_split.read_split` returns it.
-        models: Dataset's name to its object models.
-        reported: Which instances are of images that no reference grasp was fitted or chosen on,
-            (n,): where a simulation takes part, only these are judged.
-        simulated: Outcomes of one's own campaign, if there is one.
-        borrowed: Gripper's name to trials of each object by errors that were made on others.
+    Attributes
+    ----------
+    estimates
+        All estimators' poses of n instances.
+    truth
+        Their true poses ``cam_T_obj``, metres, (n, 4, 4).
+    outcomes
+        Of trials, as :func:`graspcast.estimates.outcomes.read_outcomes` returns them.
+    split
+        As :func:`graspcast.paper.published_split.read_split` returns it.
+    models
+        Dataset's name to its object models.
+    reported
+        Which instances are of images that no reference grasp was fitted or chosen on, (n,): where a
+        simulation takes part, only these are judged.
+    simulated
+        Outcomes of one's own campaign, if there is one.
+    borrowed
+        Gripper's name to trials of each object by errors that were made on others.
     """
 
     estimates: Estimates
@@ -51,7 +60,7 @@ class Benchmark:
     models: Mapping[str, Models]
     reported: Bool[ndarray, " n"]
     simulated: pl.DataFrame | None = None
-    borrowed: Mapping[str, ErrorOutcomes] = field(default_factory=dict)
+    transferred: Mapping[str, SimulatedTrials] = field(default_factory=dict)
     _joined: dict[tuple[str, str, bool], Samples] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -59,7 +68,7 @@ class Benchmark:
         cls,
         data: Published,
         simulated: pl.DataFrame | None = None,
-        borrowed: Mapping[str, ErrorOutcomes] | None = None,
+        transferred: Mapping[str, SimulatedTrials] | None = None,
     ) -> Benchmark:
         """The published data, perhaps with one's own trials."""
         estimates = data.estimates
@@ -68,7 +77,7 @@ class Benchmark:
         return cls(
             estimates=estimates,
             truth=_true_poses(estimates, data.bop),
-            borrowed=borrowed or {},
+            transferred=transferred or {},
             outcomes=data.outcomes,
             split=data.split,
             models=data.models,
@@ -127,7 +136,7 @@ class Benchmark:
         for table in (self.outcomes, self.split, self.simulated if own_trials else None):
             if table is not None:
                 out.update(table.sort(table.columns).write_csv().encode())
-        for name, trials in sorted(self.borrowed.items()) if own_trials else ():
+        for name, trials in sorted(self.transferred.items()) if own_trials else ():
             out.update(name.encode())
             out.update(",".join(trials.objects.tolist()).encode())
             for array in (trials.obj_T_est, trials.success):

@@ -75,10 +75,14 @@ class Resampled:
     Every method answers for all draws at once, (draws,); NaN where a draw leaves a score undefined.
     They equal :func:`graspcast.evaluation.scores.score` on samples that are repeated so often.
 
-    Args:
-        forecasts: The predictions.
-        scenes: The names of the scenes that counts are given for.
-        counts: How often each scene occurs in each draw, (draws, scenes).
+    Parameters
+    ----------
+    forecasts
+        The predictions.
+    scenes
+        The names of the scenes that counts are given for.
+    counts
+        How often each scene occurs in each draw, (draws, scenes).
     """
 
     def __init__(

@@ -14,13 +14,13 @@ from graspcast.evaluation.scores import Scores, score
 from graspcast.forecasting.samples import Samples
 from graspcast.forecasting.splits import by_object, by_scene
 from graspcast.forecasting.train import train_forecaster
-from graspcast.forecasting.training_data import Lessons, as_lessons
+from graspcast.forecasting.training_data import TrainingData, as_training_data
 
 __all__ = ["cross_validate", "cross_validated"]
 
 
 def cross_validated(
-    given: Samples | Lessons,
+    given: Samples | TrainingData,
     *,
     by: Literal["scene", "object"] = "scene",
     folds: int = 5,
@@ -30,18 +30,26 @@ def cross_validated(
 ) -> Float[ndarray, "n"]:
     """The probability of every sample by a forecaster that saw nothing of its scene, or object.
 
-    Args:
-        given: Instances with outcomes, as for :func:`train_forecaster`.
-        by: Deal out the scenes (or blocks of frames), or leave out each object in turn.
-        folds: How many parts the scenes are dealt into.
-        seed: Of the dealing.
-        progress: Called with the share of the work that is done.
-        options: Those of :func:`train_forecaster`.
+    Parameters
+    ----------
+    given
+        Instances with outcomes, as for :func:`train_forecaster`.
+    by
+        Deal out the scenes (or blocks of frames), or leave out each object in turn.
+    folds
+        How many parts the scenes are dealt into.
+    seed
+        Of the dealing.
+    progress
+        Called with the share of the work that is done.
+    options
+        Those of :func:`train_forecaster`.
 
-    Returns:
+    Returns
+    -------
         In the order of the samples; NaN where, by scene, training had nothing of the object.
     """
-    learned = as_lessons(given)
+    learned = as_training_data(given)
     samples = learned.samples
     probability = np.full(len(samples), np.nan)
     tried = ~np.isnan(learned.success[learned.estimates.index(learned.principal)])
@@ -73,14 +81,17 @@ def cross_validated(
     return probability
 
 
-def cross_validate(given: Samples | Lessons, **options: Any) -> Scores:
+def cross_validate(given: Samples | TrainingData, **options: Any) -> Scores:
     """Scores on scenes (or blocks of frames), or on objects, that training has not seen.
 
-    Args:
-        given: Instances with outcomes, as for :func:`train_forecaster`.
-        options: Those of :func:`cross_validated`.
+    Parameters
+    ----------
+    given
+        Instances with outcomes, as for :func:`train_forecaster`.
+    options
+        Those of :func:`cross_validated`.
     """
-    samples = as_lessons(given).samples
+    samples = as_training_data(given).samples
     probability = cross_validated(given, **options)
     scored = ~np.isnan(probability)
     return score(probability[scored], samples.success[scored], samples.objects[scored])

@@ -25,15 +25,15 @@ from graspcast.evaluation.paired_differences import (
     DECISIVE,
     FORECAST,
     STANDING,
-    Contrast,
     Drawn,
+    PairedDifference,
     figures_of,
     gains,
     under_scenes,
 )
 from graspcast.evaluation.predictions import Forecasts
 from graspcast.forecasting.models.blend import ForestSettings
-from graspcast.forecasting.training_data import Lessons
+from graspcast.forecasting.training_data import TrainingData
 
 __all__ = ["Comparison", "Judged", "compare"]
 
@@ -42,15 +42,24 @@ __all__ = ["Comparison", "Judged", "compare"]
 class Judged:
     """What is known of one principal and its supporters.
 
-    Attributes:
-        principal: Its name.
-        n: Instances with an outcome and forecasts.
-        unjudged: Instances whose object no other scene had, so that there is no forecast.
-        scenes: Scenes (or blocks of frames) that they are of.
-        success: Success rate when every estimate is attempted.
-        figures: Each of :data:`FORECAST`, with all supporters.
-        without: For each supporter, forecasts by the others; empty where there is only one.
-        alone: For each supporter, forecasts by it alone; empty where there is only one.
+    Attributes
+    ----------
+    principal
+        Its name.
+    n
+        Instances with an outcome and forecasts.
+    unjudged
+        Instances whose object no other scene had, so that there is no forecast.
+    scenes
+        Scenes (or blocks of frames) that they are of.
+    success
+        Success rate when every estimate is attempted.
+    figures
+        Each of :data:`FORECAST`, with all supporters.
+    without
+        For each supporter, forecasts by the others; empty where there is only one.
+    alone
+        For each supporter, forecasts by it alone; empty where there is only one.
     """
 
     principal: str
@@ -59,25 +68,32 @@ class Judged:
     scenes: int
     success: float
     figures: Mapping[str, float]
-    without: Mapping[str, Contrast]
-    alone: Mapping[str, Contrast]
+    without: Mapping[str, PairedDifference]
+    alone: Mapping[str, PairedDifference]
 
 
 @dataclass(frozen=True)
 class Comparison:
     """The answer of :func:`compare`.
 
-    Attributes:
-        gripper: Whose outcomes they are.
-        estimators: All estimators.
-        principals: Those that have outcomes.
-        common, scenes: Instances that were tried and forecast for every one of them, and how many
-            scenes these are of.
-        standings: Each principal's :data:`STANDING` on the common instances; empty if there are
-            none.
-        ahead: For each ordered pair of principals by how much the first is better, in each of
-            :data:`STANDING`.
-        settings: With what it was computed.
+    Attributes
+    ----------
+    gripper
+        Whose outcomes they are.
+    estimators
+        All estimators.
+    principals
+        Those that have outcomes.
+    common, scenes
+        Instances that were tried and forecast for every one of them, and how many scenes these are
+        of.
+    standings
+        Each principal's :data:`STANDING` on the common instances; empty if there are none.
+    ahead
+        For each ordered pair of principals by how much the first is better, in each of
+        :data:`STANDING`.
+    settings
+        With what it was computed.
     """
 
     gripper: str
@@ -176,7 +192,7 @@ class Comparison:
 
 
 def compare(
-    lessons: Sequence[Lessons],
+    training_data: Sequence[TrainingData],
     *,
     models: Mapping[str, Models] | None = None,
     forests: ForestSettings | None = None,
@@ -189,29 +205,40 @@ def compare(
 
     Leaving a supporter out takes away its poses and what came of the grasps that it guided.
 
-    Args:
-        lessons: Of each principal that has outcomes: the same estimators, one gripper.
-        models: Dataset's name to its object models.
-        forests: How forecasters are trained; by default with 64 trees, and not calibrated, since
-            that would train each of them several times.
-        folds: How many parts the scenes are dealt into.
-        seed: Of dealing scenes and of drawing them.
-        bootstrap: How often the scenes are drawn.
-        progress: Called with the share of the work that is done.
+    Parameters
+    ----------
+    lessons
+        Of each principal that has outcomes: the same estimators, one gripper.
+    models
+        Dataset's name to its object models.
+    forests
+        How forecasters are trained; by default with 64 trees, and not calibrated, since that would
+        train each of them several times.
+    folds
+        How many parts the scenes are dealt into.
+    seed
+        Of dealing scenes and of drawing them.
+    bootstrap
+        How often the scenes are drawn.
+    progress
+        Called with the share of the work that is done.
 
-    Raises:
-        InputError: for no lessons, fewer than two folds or one draw, or lessons too few to train.
-        MismatchError: if lessons are of different estimators or grippers, twice of one principal,
-            or of fewer scenes than folds.
+    Raises
+    ------
+    InputError
+        For no lessons, fewer than two folds or one draw, or lessons too few to train.
+    MismatchError
+        If lessons are of different estimators or grippers, twice of one principal, or of fewer
+        scenes than folds.
     """
-    _check(lessons, folds, bootstrap)
+    _check(training_data, folds, bootstrap)
     forests = forests or ForestSettings(trees=64, folds=0, seed=seed)
     options: dict[str, Any] = {"models": models, "forests": forests, "folds": folds, "seed": seed}
-    subsets = [_subsets(each.estimates.supporters(each.principal)) for each in lessons]
+    subsets = [_subsets(each.estimates.supporters(each.principal)) for each in training_data]
     total = sum(map(len, subsets))
     done = 0
     found = []
-    for learned, wanted in zip(lessons, subsets, strict=True):
+    for learned, wanted in zip(training_data, subsets, strict=True):
         probability = {}
         for supporters in wanted:
 
@@ -238,8 +265,8 @@ def compare(
             shared = replace(each.every.select(rows), scenes=groups)
             standings[each.principal] = under_scenes(shared, STANDING, bootstrap, seed)
     return Comparison(
-        gripper=lessons[0].gripper,
-        estimators=lessons[0].estimates.estimators,
+        gripper=training_data[0].gripper,
+        estimators=training_data[0].estimates.estimators,
         principals={each.principal: each.judged(bootstrap, seed) for each in found},
         common=len(common[0]),
         scenes=scenes,
@@ -259,15 +286,15 @@ def compare(
     )
 
 
-def _check(lessons: Sequence[Lessons], folds: int, bootstrap: int) -> None:
-    if not lessons or folds < 2 or bootstrap < 1:
+def _check(training_data: Sequence[TrainingData], folds: int, bootstrap: int) -> None:
+    if not training_data or folds < 2 or bootstrap < 1:
         raise InputError(
-            f"{len(lessons)} principals, {folds} folds, {bootstrap} draws: there must be at least "
-            "one principal with outcomes, two folds, and one draw"
+            f"{len(training_data)} principals, {folds} folds, {bootstrap} draws: there must be at "
+            "least one principal with outcomes, two folds, and one draw"
         )
-    first = lessons[0]
-    principals = [each.principal for each in lessons]
-    for each in lessons:
+    first = training_data[0]
+    principals = [each.principal for each in training_data]
+    for each in training_data:
         if (each.gripper, each.estimates.estimators) != (first.gripper, first.estimates.estimators):
             raise MismatchError(
                 f"lessons of {first.principal} are of {', '.join(first.estimates.estimators)} and "
@@ -302,7 +329,7 @@ class _Candidate:
 
     @classmethod
     def of(
-        cls, learned: Lessons, probability: Mapping[tuple[str, ...], Float[ndarray, "n"]]
+        cls, learned: TrainingData, probability: Mapping[tuple[str, ...], Float[ndarray, "n"]]
     ) -> _Candidate:
         estimates = learned.estimates
         own = learned.success[estimates.index(learned.principal)]
@@ -351,8 +378,8 @@ class _Candidate:
         }
         every = drawn[self.supporters]
 
-        def contrast(names: tuple[str, ...]) -> Contrast:
-            return Contrast(figures_of(drawn[names]), gains(every, drawn[names]))
+        def contrast(names: tuple[str, ...]) -> PairedDifference:
+            return PairedDifference(figures_of(drawn[names]), gains(every, drawn[names]))
 
         several = self.supporters if len(self.supporters) > 1 else ()
         return Judged(

@@ -47,8 +47,10 @@ Panel = dict[str, list[Forecasts]]
 def check_plotting() -> None:
     """Nothing, if figures can be drawn.
 
-    Raises:
-        ExtraMissingError: without matplotlib.
+    Raises
+    ------
+    ExtraMissingError
+        Without matplotlib.
     """
     try:
         import matplotlib  # noqa: F401
@@ -140,9 +142,12 @@ def reliability_diagram(
     and success rate, its bar the interval of a bootstrap over scenes, shading how many instances.
     Bins of fewer than ten instances have no point. ECE is the mean over principals, as in tables.
 
-    Raises:
-        InputError: if there is nothing to draw.
-        ExtraMissingError: without matplotlib.
+    Raises
+    ------
+    InputError
+        If there is nothing to draw.
+    ExtraMissingError
+        Without matplotlib.
     """
     how = bootstrap or Bootstrap()
     panels = _panels(forecasts, protocol, methods)
@@ -180,9 +185,12 @@ def risk_coverage_plot(
 ) -> None:
     """Failure rate of attempts against the share attempted, a panel a gripper, as SVG and PNG.
 
-    Raises:
-        InputError: if there is nothing to draw.
-        ExtraMissingError: without matplotlib.
+    Raises
+    ------
+    InputError
+        If there is nothing to draw.
+    ExtraMissingError
+        Without matplotlib.
     """
     panels = _panels(forecasts, protocol, methods)
     with _figure(len(panels), 1, (4.6 * len(panels), 4.0)) as (figure, grid):

@@ -21,7 +21,7 @@ from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.models.encoding import one_hot
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.train import train_forecaster
-from graspcast.forecasting.training_data import Lessons
+from graspcast.forecasting.training_data import TrainingData
 
 __all__ = ["METHODS", "ExtraTrees", "Majority", "PaperNetworks", "Threshold", "success_rates"]
 
@@ -149,10 +149,10 @@ class Forests:
         settings = ForestSettings(
             trees=self.trees, draws=self.draws, folds=self.folds, seed=self.seed
         )
-        learned = lessons_of(task)
+        learned = training_data_of(task)
         if self.method == "direct" and np.isnan(learned.success).all():
             # It knows no simulation, so it passes on what the other gripper's outcomes taught.
-            learned = lessons_of(task, any_gripper=True)
+            learned = training_data_of(task, any_gripper=True)
         elif np.isnan(learned.success).all() and learned.simulated is None:
             return success_rates(task)
         method = self.method
@@ -191,7 +191,7 @@ class Blended(Forests):
     method: str = "blend"
 
 
-def lessons_of(task: Task, *, any_gripper: bool = False) -> Lessons:
+def training_data_of(task: Task, *, any_gripper: bool = False) -> TrainingData:
     """All that a task gives to learn from."""
     estimates = task.annotated
     row = {key: i for i, key in enumerate(estimates.instances())}
@@ -201,8 +201,8 @@ def lessons_of(task: Task, *, any_gripper: bool = False) -> Lessons:
             continue
         rows = [row[key] for key in samples.estimates.instances()]
         success[estimates.index(samples.principal), rows] = samples.success
-    return Lessons(
-        estimates, task.principal, task.gripper, task.truth, success, simulated=task.borrowed
+    return TrainingData(
+        estimates, task.principal, task.gripper, task.truth, success, simulated=task.transferred
     )
 
 

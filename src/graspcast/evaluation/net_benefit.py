@@ -29,12 +29,17 @@ __all__ = ["Costs"]
 class Costs:
     """Costs in units of what a successful grasp gains.
 
-    Attributes:
-        failure: Of an attempt that fails.
-        abstention: Of not attempting.
+    Attributes
+    ----------
+    failure
+        Of an attempt that fails.
+    abstention
+        Of not attempting.
 
-    Raises:
-        InputError: for a negative cost.
+    Raises
+    ------
+    InputError
+        For a negative cost.
     """
 
     failure: float = 2.0

@@ -20,8 +20,8 @@ __all__ = [
     "DECISIVE",
     "FORECAST",
     "STANDING",
-    "Contrast",
     "Drawn",
+    "PairedDifference",
     "figures_of",
     "gains",
     "under_scenes",
@@ -41,12 +41,15 @@ Drawn = dict[str, Float[ndarray, "b"]]
 
 
 @dataclass(frozen=True)
-class Contrast:
+class PairedDifference:
     """Forecasts with some of the supporters, and how much better they are with all.
 
-    Attributes:
-        figures: Each of :data:`FORECAST`.
-        gain: By how much all supporters do better than these.
+    Attributes
+    ----------
+    figures
+        Each of :data:`FORECAST`.
+    gain
+        By how much all supporters do better than these.
     """
 
     figures: Mapping[str, float]

@@ -23,19 +23,30 @@ __all__ = ["Forecasts"]
 class Forecasts:
     """Predictions for one principal and gripper.
 
-    Attributes:
-        protocol: What was kept from training (:data:`graspcast.evaluation.protocols.PROTOCOLS`).
-        method: Name of the method.
-        principal, gripper: Whose grasps these are.
-        probability: Predicted, from 0 to 1, (n,).
-        success: Outcomes, (n,).
-        objects: ``dataset-number`` of each, (n,).
-        scenes: Each one's scene or block of frames, as
-            :func:`graspcast.estimates.instances.scene_groups` names them, (n,).
+    Attributes
+    ----------
+    protocol
+        What was kept from training (:data:`graspcast.evaluation.protocols.PROTOCOLS`).
+    method
+        Name of the method.
+    principal, gripper
+        Whose grasps these are.
+    probability
+        Predicted, from 0 to 1, (n,).
+    success
+        Outcomes, (n,).
+    objects
+        ``dataset-number`` of each, (n,).
+    scenes
+        Each one's scene or block of frames, as :func:`graspcast.estimates.instances.scene_groups`
+        names them, (n,).
 
-    Raises:
-        MismatchError: if the columns differ in length.
-        InputError: if there is no row, or what is given as a probability is none.
+    Raises
+    ------
+    MismatchError
+        If the columns differ in length.
+    InputError
+        If there is no row, or what is given as a probability is none.
     """
 
     protocol: str
@@ -71,8 +82,10 @@ class Forecasts:
     def select(self, rows: Int[ndarray, " m"]) -> Forecasts:
         """Some of the predictions, in the order of the rows.
 
-        Raises:
-            InputError: if there are none.
+        Raises
+        ------
+        InputError
+            If there are none.
         """
         columns = ("probability", "success", "objects", "scenes")
         return replace(self, **{name: getattr(self, name)[rows] for name in columns})
@@ -89,8 +102,10 @@ class Forecasts:
     def load(cls, path: str | PathLike[str], configuration: str) -> Forecasts | None:
         """Read what :meth:`save` wrote; None if there is none of this configuration.
 
-        Raises:
-            FormatError: if the file is something else.
+        Raises
+        ------
+        FormatError
+            If the file is something else.
         """
         path = Path(path)
         if not path.exists():

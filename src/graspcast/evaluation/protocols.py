@@ -21,7 +21,7 @@ from graspcast.evaluation.benchmark import Benchmark
 from graspcast.evaluation.predictions import Forecasts
 from graspcast.forecasting.samples import Samples
 from graspcast.forecasting.splits import by_scene
-from graspcast.forecasting.training_data import ErrorOutcomes
+from graspcast.forecasting.training_data import SimulatedTrials
 from graspcast.paper.published_split import published_part
 
 __all__ = ["PROTOCOLS", "Method", "Task", "forecast", "tasks"]
@@ -61,23 +61,35 @@ PROTOCOLS: Mapping[str, str] = {
 class Task:
     """What a method may know, and what it is asked.
 
-    Attributes:
-        protocol: The name of the protocol.
-        principal, gripper: Whose grasps are asked about.
-        train: The principal's outcomes to learn from; by the other gripper in ``unseen_gripper``.
-        others: The same instances' outcomes, as far as known, with the other estimators as
-            principals.
-        simulated: Outcomes of one's own trials with :attr:`gripper` on instances that are not
-            judged: this principal's first. Empty without a campaign.
-        borrowed: Trials with :attr:`gripper` of every object, by errors that estimators made on
-            other objects; None if there are none.
-        annotated: Instances whose ground truth may be learned from: in ``unseen_object`` none of
-            that object, else all that are kept apart from the judged ones.
-        truth: Their true poses ``cam_T_obj``, metres, (m, 4, 4).
-        test: The estimates of the instances that are asked about.
-        models: Dataset's name to its object models.
-        left_out: The object or gripper that is left out, if the protocol leaves one out.
-        seed: Of everything random.
+    Attributes
+    ----------
+    protocol
+        The name of the protocol.
+    principal, gripper
+        Whose grasps are asked about.
+    train
+        The principal's outcomes to learn from; by the other gripper in ``unseen_gripper``.
+    others
+        The same instances' outcomes, as far as known, with the other estimators as principals.
+    simulated
+        Outcomes of one's own trials with :attr:`gripper` on instances that are not judged: this
+        principal's first. Empty without a campaign.
+    borrowed
+        Trials with :attr:`gripper` of every object, by errors that estimators made on other
+        objects; None if there are none.
+    annotated
+        Instances whose ground truth may be learned from: in ``unseen_object`` none of that object,
+        else all that are kept apart from the judged ones.
+    truth
+        Their true poses ``cam_T_obj``, metres, (m, 4, 4).
+    test
+        The estimates of the instances that are asked about.
+    models
+        Dataset's name to its object models.
+    left_out
+        The object or gripper that is left out, if the protocol leaves one out.
+    seed
+        Of everything random.
     """
 
     protocol: str
@@ -86,7 +98,7 @@ class Task:
     train: Samples
     others: tuple[Samples, ...]
     simulated: tuple[Samples, ...]
-    borrowed: ErrorOutcomes | None
+    transferred: SimulatedTrials | None
     annotated: Estimates
     truth: Float[ndarray, "m 4 4"]
     test: Estimates
@@ -98,8 +110,10 @@ class Task:
     def truth_of(self, estimates: Estimates) -> Float[ndarray, "k 4 4"]:
         """True poses of instances that have outcomes here, simulated ones too.
 
-        Raises:
-            MismatchError: for an instance that is kept for judging.
+        Raises
+        ------
+        MismatchError
+            For an instance that is kept for judging.
         """
         return self._look_up(estimates)
 
@@ -179,17 +193,26 @@ def tasks(
 ) -> Iterator[tuple[Task, Samples]]:
     """The tasks of a protocol, each with the samples that it is judged by.
 
-    Args:
-        benchmark: The data.
-        protocol: One of :data:`PROTOCOLS`.
-        principal, gripper: Whose grasps are judged.
-        rows: Which instances may be judged, (n,); by default the protocol's own: all of them, or
-            where a simulation may take part, those in :attr:`Benchmark.reported`.
-        seed: Of how scenes are dealt out, and of the methods.
+    Parameters
+    ----------
+    benchmark
+        The data.
+    protocol
+        One of :data:`PROTOCOLS`.
+    principal, gripper
+        Whose grasps are judged.
+    rows
+        Which instances may be judged, (n,); by default the protocol's own: all of them, or where a
+        simulation may take part, those in :attr:`Benchmark.reported`.
+    seed
+        Of how scenes are dealt out, and of the methods.
 
-    Raises:
-        UnknownNameError: for an unknown protocol.
-        InputError: if the protocol needs what is not there.
+    Raises
+    ------
+    UnknownNameError
+        For an unknown protocol.
+    InputError
+        If the protocol needs what is not there.
     """
     if protocol not in PROTOCOLS:
         raise UnknownNameError("protocol", protocol, PROTOCOLS)
@@ -237,7 +260,7 @@ def _task(
         train=known.pop(principal),
         others=tuple(known.values()),
         simulated=tuple(own.values()),
-        borrowed=benchmark.borrowed.get(gripper),
+        transferred=benchmark.transferred.get(gripper),
         annotated=benchmark.estimates.select(cut.annotated),
         truth=benchmark.truth[cut.annotated],
         test=judged.estimates,
@@ -262,14 +285,21 @@ def forecast(
 ) -> Forecasts:
     """A method's predictions in every task of a protocol.
 
-    Args:
-        method: The method.
-        name: Its name in tables.
-        benchmark, protocol, principal, gripper, rows, seed: As for :func:`tasks`.
-        progress: Called with the share of the tasks that are done.
+    Parameters
+    ----------
+    method
+        The method.
+    name
+        Its name in tables.
+    benchmark, protocol, principal, gripper, rows, seed
+        As for :func:`tasks`.
+    progress
+        Called with the share of the tasks that are done.
 
-    Raises:
-        InputError: if nothing is to be judged, or the method's answer is not one.
+    Raises
+    ------
+    InputError
+        If nothing is to be judged, or the method's answer is not one.
     """
     every = list(tasks(benchmark, protocol, principal, gripper, rows=rows, seed=seed))
     if not every:

@@ -37,10 +37,14 @@ class Bootstrap:
     What the draws exceed the estimate by on average is therefore taken off them (Efron & Tibshirani
     1993, chapter 10).
 
-    Attributes:
-        draws: How often scenes are drawn.
-        seed: Of the draws.
-        confidence: Of the intervals.
+    Attributes
+    ----------
+    draws
+        How often scenes are drawn.
+    seed
+        Of the draws.
+    confidence
+        Of the intervals.
     """
 
     draws: int = 1000
@@ -55,10 +59,14 @@ class Bootstrap:
     ) -> list[float] | None:
         """Lower and upper end, within limits; None if neither draws nor the estimate have values.
 
-        Args:
-            values: In each draw.
-            estimate: On the samples themselves.
-            limits: What the values cannot exceed.
+        Parameters
+        ----------
+        values
+            In each draw.
+        estimate
+            On the samples themselves.
+        limits
+            What the values cannot exceed.
         """
         defined = values[~np.isnan(values)]
         if not len(defined) or np.isnan(estimate):
@@ -85,22 +93,30 @@ def evaluate(
 ) -> dict[str, Any]:
     """Figures of every protocol, method and gripper, averaged over principals.
 
-    Args:
-        forecasts: Predictions. All methods need the same rows for a protocol, principal and
-            gripper, and the same principals for a protocol and gripper.
-        costs: Of failures and of abstaining.
-        bootstrap: How intervals are made.
+    Parameters
+    ----------
+    forecasts
+        Predictions. All methods need the same rows for a protocol, principal and gripper, and the
+        same principals for a protocol and gripper.
+    costs
+        Of failures and of abstaining.
+    bootstrap
+        How intervals are made.
 
-    Returns:
+    Returns
+    -------
         ``evaluate.<protocol>.<method>.<gripper>`` with each of :data:`MEASURES` as a number,
         ``<measure>_interval``, ``differences.<baseline>.<measure>`` (``difference`` and
         ``interval``, the method's minus the baseline's) and ``by_principal``; and
         ``reference_values.<protocol>.<gripper>``: the net value of attempting always, never, and by
         a perfect forecaster.
 
-    Raises:
-        InputError: if there are no forecasts, or two of the same.
-        MismatchError: if methods were judged on different rows.
+    Raises
+    ------
+    InputError
+        If there are no forecasts, or two of the same.
+    MismatchError
+        If methods were judged on different rows.
     """
     if not forecasts:
         raise InputError("there are no forecasts to evaluate")

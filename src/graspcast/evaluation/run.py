@@ -24,20 +24,30 @@ def forecast_all(
 ) -> list[Forecasts]:
     """The forecasts of every method under every protocol, for every principal and gripper.
 
-    Args:
-        benchmark: The data.
-        methods: Name to method. Its ``repr`` has to state its settings.
-        protocols: Names of protocols.
-        work: Where each method's forecasts are kept, as
-            ``<protocol>/<method>/<principal>-<gripper>.npz``. What is there is taken if it comes
-            from the same data, seed, settings and version of graspcast; a change of a method's
-            *code* is not noticed.
-        seed: Of how scenes are dealt out, and of the tasks.
-        progress: Called with the share of the work that is done, and what is being worked on.
+    Parameters
+    ----------
+    benchmark
+        The data.
+    methods
+        Name to method. Its ``repr`` has to state its settings.
+    protocols
+        Names of protocols.
+    work
+        Where each method's forecasts are kept, as
+        ``<protocol>/<method>/<principal>-<gripper>.npz``. What is there is taken if it comes from
+        the same data, seed, settings and version of graspcast; a change of a method's *code* is not
+        noticed.
+    seed
+        Of how scenes are dealt out, and of the tasks.
+    progress
+        Called with the share of the work that is done, and what is being worked on.
 
-    Raises:
-        FormatError: for a file in ``work`` that is none of forecasts.
-        InputError: as :func:`graspcast.evaluation.protocols.forecast` does.
+    Raises
+    ------
+    FormatError
+        For a file in ``work`` that is none of forecasts.
+    InputError
+        As :func:`graspcast.evaluation.protocols.forecast` does.
     """
     digests = {own: benchmark.digest(own_trials=own) for own in (False, True)} if work else {}
     jobs = [

@@ -29,9 +29,12 @@ BINS = 15
 class RiskCoverage:
     """The failure rate of the attempted share, the most probable successes attempted first.
 
-    Attributes:
-        coverage: Share attempted, ascending to 1, (n,).
-        risk: Share of these that fail, (n,); samples of equal probability count as their average.
+    Attributes
+    ----------
+    coverage
+        Share attempted, ascending to 1, (n,).
+    risk
+        Share of these that fail, (n,); samples of equal probability count as their average.
     """
 
     coverage: Float[ndarray, "n"]
@@ -52,19 +55,31 @@ class RiskCoverage:
 class Scores:
     """Scores of one set of predictions.
 
-    Attributes:
-        n: Samples.
-        accuracy: At a probability of 0.5, averaged over objects (the paper's figure).
-        accuracy_se: Its standard error, taking samples as independent (video frames are not: it is
-            a lower bound).
-        accuracy_micro: At 0.5, over all samples alike.
-        majority: Accuracy of always guessing each object's more frequent outcome, over objects.
-        auroc: Area under the ROC curve over all samples; NaN if there is only one class.
-        brier: Mean squared difference of probability and outcome.
-        ece: Expected calibration error, 15 bins of equal width.
-        aurc: Area under the risk-coverage curve.
-        success_at_50, success_at_70, success_at_90: Success rate of that most probable share.
-        success: Success rate of all samples.
+    Attributes
+    ----------
+    n
+        Samples.
+    accuracy
+        At a probability of 0.5, averaged over objects (the paper's figure).
+    accuracy_se
+        Its standard error, taking samples as independent (video frames are not: it is a lower
+        bound).
+    accuracy_micro
+        At 0.5, over all samples alike.
+    majority
+        Accuracy of always guessing each object's more frequent outcome, over objects.
+    auroc
+        Area under the ROC curve over all samples; NaN if there is only one class.
+    brier
+        Mean squared difference of probability and outcome.
+    ece
+        Expected calibration error, 15 bins of equal width.
+    aurc
+        Area under the risk-coverage curve.
+    success_at_50, success_at_70, success_at_90
+        Success rate of that most probable share.
+    success
+        Success rate of all samples.
     """
 
     n: int
@@ -122,13 +137,19 @@ def score(
 ) -> Scores:
     """Score probabilities against outcomes.
 
-    Args:
-        probability: Of success, from 0 to 1, (n,).
-        success: Outcomes, (n,).
-        objects: Each sample's object, (n,); accuracy is averaged over them.
+    Parameters
+    ----------
+    probability
+        Of success, from 0 to 1, (n,).
+    success
+        Outcomes, (n,).
+    objects
+        Each sample's object, (n,); accuracy is averaged over them.
 
-    Raises:
-        InputError: if there are no samples.
+    Raises
+    ------
+    InputError
+        If there are no samples.
     """
     from sklearn.metrics import brier_score_loss, roc_auc_score
 

@@ -13,22 +13,29 @@ from graspcast.errors import InputError, UnknownNameError
 from graspcast.evaluation.bootstrap import Interval, every_scene_and_draws
 from graspcast.forecasting.verdict import VerdictRow
 
-__all__ = ["Scorecard", "score_verdicts", "verdict_table", "with_outcomes"]
+__all__ = ["VerdictScores", "score_verdicts", "verdict_table", "with_outcomes"]
 
 _KEYS = ("scene_id", "im_id", "obj_id", "inst_id", "gripper")
 
 
 @dataclass(frozen=True)
-class Scorecard:
+class VerdictScores:
     """What came of the grasps that verdicts are about.
 
-    Attributes:
-        n, attempts, scenes: Verdicts with an outcome, those that attempt, and their scenes.
-        untried: Verdicts without an outcome.
-        always: Success rate if all are attempted.
-        following: Success rate of those that are attempted; None if there are none.
-        attempt_rate: Share that is attempted.
-        gain: By how much following is better than always, under the same draws of scenes.
+    Attributes
+    ----------
+    n, attempts, scenes
+        Verdicts with an outcome, those that attempt, and their scenes.
+    untried
+        Verdicts without an outcome.
+    always
+        Success rate if all are attempted.
+    following
+        Success rate of those that are attempted; None if there are none.
+    attempt_rate
+        Share that is attempted.
+    gain
+        By how much following is better than always, under the same draws of scenes.
     """
 
     n: int
@@ -52,7 +59,8 @@ class Scorecard:
 def verdict_table(rows: Sequence[VerdictRow]) -> pl.DataFrame:
     """Verdicts as a table that outcomes can be joined to.
 
-    Returns:
+    Returns
+    -------
         ``scene_id, im_id, obj_id, inst_id, gripper, attempt, probability`` (null where there is no
         forecast); ``inst_id`` counts the rows of the same image, object and gripper.
     """
@@ -83,22 +91,31 @@ def score_verdicts(
     dataset: str | None = None,
     draws: int = 2000,
     seed: int = 0,
-) -> Scorecard:
+) -> VerdictScores:
     """Hold verdicts against outcomes.
 
     Intervals are percentiles under draws of scenes with replacement
     (:mod:`graspcast.evaluation.bootstrap`), since grasps of one scene are not independent.
 
-    Args:
-        verdicts: In the order of :func:`graspcast.forecasting.verdict.verdict_rows`.
-        outcomes: As :func:`graspcast.estimates.outcomes.read_outcomes` gives them.
-        principal: Whose outcomes; may be left out where they are of one estimator.
-        dataset: Which dataset's; may be left out where they are of one.
-        draws, seed: Of the bootstrap.
+    Parameters
+    ----------
+    verdicts
+        In the order of :func:`graspcast.forecasting.verdict.verdict_rows`.
+    outcomes
+        As :func:`graspcast.estimates.outcomes.read_outcomes` gives them.
+    principal
+        Whose outcomes; may be left out where they are of one estimator.
+    dataset
+        Which dataset's; may be left out where they are of one.
+    draws, seed
+        Of the bootstrap.
 
-    Raises:
-        UnknownNameError: for an estimator, dataset or gripper without outcomes.
-        InputError: if outcomes are of several and it is not said which, or none is about a verdict.
+    Raises
+    ------
+    UnknownNameError
+        For an estimator, dataset or gripper without outcomes.
+    InputError
+        If outcomes are of several and it is not said which, or none is about a verdict.
     """
     for column, option, name in (
         ("estimator", "--principal", principal),
@@ -124,7 +141,7 @@ def score_verdicts(
     with np.errstate(invalid="ignore"):
         following = held_tried / tried
     any_tried = tried[0] > 0
-    return Scorecard(
+    return VerdictScores(
         n=len(both),
         attempts=int(tried[0]),
         scenes=len(scene),

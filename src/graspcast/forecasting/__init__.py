@@ -1,1 +1,1 @@
-"""TODO forecasting."""
+"""From pose estimates to the probability of grasp success, and to a verdict."""

@@ -11,7 +11,7 @@ from numpy import ndarray
 from graspcast.forecasting.features import Features
 from graspcast.forecasting.models.base import Predictor
 
-__all__ = ["groups_of", "influences"]
+__all__ = ["groups_of", "attributions"]
 
 _TURNS = {"rot", "angle", "turn", "dpsi"}
 _ALONE = {"view", "axis", "distance"}
@@ -46,7 +46,7 @@ def groups_of(names: Sequence[str]) -> dict[str, Int[ndarray, "c"]]:
     return {group: np.array(columns, dtype=np.int64) for group, columns in groups.items()}
 
 
-def influences(
+def attributions(
     predictor: Predictor,
     features: Features,
     numbers: Int[ndarray, "n"],
@@ -63,9 +63,9 @@ def influences(
     flat = stacked.reshape(-1, stacked.shape[-1])
     asked = predictor.probability(flat, np.tile(numbers, len(groups) + 1))
     found = asked.reshape(len(groups) + 1, -1)
-    moved = found[0] - found[1:]
+    attribution = found[0] - found[1:]
     out = []
-    for column in moved.T:
+    for column in attribution.T:
         order = np.argsort(-np.abs(column), kind="stable")
         names = list(groups)
         out.append(tuple((names[i], float(column[i])) for i in order.tolist()))

@@ -24,9 +24,12 @@ __all__ = ["Fallbacks"]
 class Fallbacks:
     """Forecasters of one principal and gripper, the one with the most supporters first.
 
-    Raises:
-        InputError: if there is none, or two are for the same supporters.
-        MismatchError: if they differ in principal or gripper.
+    Raises
+    ------
+    InputError
+        If there is none, or two are for the same supporters.
+    MismatchError
+        If they differ in principal or gripper.
     """
 
     def __init__(self, forecasters: Iterable[Forecaster]):
@@ -52,8 +55,10 @@ class Fallbacks:
     def usable(self, estimators: Collection[str]) -> list[Forecaster]:
         """Those that need no other estimators than these, in order.
 
-        Raises:
-            MismatchError: naming what each lacks, if there is none.
+        Raises
+        ------
+        MismatchError
+            Naming what each lacks, if there is none.
         """
         out, lacks = [], []
         for forecaster in self.forecasters:
@@ -82,8 +87,10 @@ class Fallbacks:
 
         A pose that is not finite counts as missing.
 
-        Raises:
-            MismatchError: if every model lacks one.
+        Raises
+        ------
+        MismatchError
+            If every model lacks one.
         """
         found = {name: pose for name, pose in poses.items() if np.isfinite(pose).all()}
         forecaster = self.usable(found)[0]

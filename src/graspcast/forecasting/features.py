@@ -12,7 +12,8 @@ Three sets:
   the object's symmetry that brings it nearest; along the viewing ray and across it, relative to the
   depth; ADD; differences among supporters; the viewing direction and the depth.
 - ``full``: those, and the differences in the principal's ray frame
-  (:mod:`graspcast.pose.ray_frame`), which know nothing of the object, so that what is learned on one holds for another.
+  (:mod:`graspcast.pose.ray_frame`), which know nothing of the object, so that what is
+  learned on one holds for another.
 """
 
 from __future__ import annotations
@@ -110,9 +111,12 @@ _MEANING = {
 class Features:
     """A table of features: one row an instance, one column a name.
 
-    Attributes:
-        names: Column names, unique.
-        values: (n, d), in the units that :func:`describe` states.
+    Attributes
+    ----------
+    names
+        Column names, unique.
+    values
+        (n, d), in the units that :func:`describe` states.
     """
 
     names: tuple[str, ...]
@@ -125,8 +129,10 @@ class Features:
 def describe(name: str) -> tuple[str, str]:
     """Unit and meaning of a feature column.
 
-    Raises:
-        UnknownNameError: listing the known features.
+    Raises
+    ------
+    UnknownNameError
+        Listing the known features.
     """
     stem, *others = name.split(".")
     if stem not in _MEANING:
@@ -268,15 +274,23 @@ def consensus_features(
 ) -> Features:
     """The features of every instance.
 
-    Args:
-        estimates: K estimators' poses.
-        principal: The estimator that would guide the grasp.
-        which: ``paper``, ``rich`` or ``full``.
-        models: Dataset's name to its object models; the latter two need them.
+    Parameters
+    ----------
+    estimates
+        K estimators' poses.
+    principal
+        The estimator that would guide the grasp.
+    which
+        ``paper``, ``rich`` or ``full``.
+    models
+        Dataset's name to its object models; the latter two need them.
 
-    Raises:
-        UnknownNameError: for a principal, an object or a feature set that is not known.
-        MismatchError: if models are needed and there are none for a dataset.
+    Raises
+    ------
+    UnknownNameError
+        For a principal, an object or a feature set that is not known.
+    MismatchError
+        If models are needed and there are none for a dataset.
     """
     pose = estimates.of(principal)
     supporters = {name: estimates.of(name) for name in estimates.supporters(principal)}

@@ -17,19 +17,19 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import FormatError, InputError, MismatchError
 from graspcast.estimates.alignment import Estimates
-from graspcast.forecasting.attribution import influences
+from graspcast.forecasting.attribution import attributions
 from graspcast.forecasting.features import (
     Features,
     features_of,
 )
-from graspcast.forecasting.model_card import Card
+from graspcast.forecasting.model_card import ModelCard
 from graspcast.forecasting.models.add_threshold import Thresholds
 from graspcast.forecasting.models.base import Predictor
 from graspcast.forecasting.models.blend import Blend
 from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble
-from graspcast.forecasting.novelty import Familiarity
-from graspcast.forecasting.verdict import STRANGE, Verdict, check_threshold, decide
+from graspcast.forecasting.novelty import Novelty
+from graspcast.forecasting.verdict import OOD_ALPHA, Verdict, check_threshold, decide
 from graspcast.io.files import atomic_write
 
 __all__ = ["KINDS", "Forecaster"]
@@ -57,9 +57,9 @@ class Forecaster:
         if verdict.attempt: ...
     """
 
-    card: Card
+    card: ModelCard
     predictor: Predictor
-    familiarity: Familiarity
+    novelty: Novelty
     typical: Float[ndarray, "d"]
     """Medians of the training features, which explanations compare with."""
 
@@ -77,13 +77,19 @@ class Forecaster:
     ) -> Float[ndarray, "n"]:
         """Probability of success of every instance.
 
-        Args:
-            estimates: Poses by (at least) the principal and the supporters.
-            models: Dataset's name to its object models, if :attr:`needs_models`.
-            unseen_objects: Answer for objects that it was not trained for too, if it can.
+        Parameters
+        ----------
+        estimates
+            Poses by (at least) the principal and the supporters.
+        models
+            Dataset's name to its object models, if :attr:`needs_models`.
+        unseen_objects
+            Answer for objects that it was not trained for too, if it can.
 
-        Raises:
-            MismatchError: for other estimators or objects than it was trained for.
+        Raises
+        ------
+        MismatchError
+            For other estimators or objects than it was trained for.
         """
         found, numbers = self._inputs(estimates, models, unseen_objects)
         return self.predictor.probability(found.values, numbers)
@@ -94,11 +100,13 @@ class Forecaster:
         Small is strange: of instances from scenes like the training's, at most a share ``a`` has
         ``a`` or less.
 
-        Raises:
-            MismatchError: for other estimators than it was trained for.
+        Raises
+        ------
+        MismatchError
+            For other estimators than it was trained for.
         """
         self._check_estimators(estimates.estimators)
-        return self.familiarity.p_value(estimates, self.card.principal, self.card.supporters)
+        return self.novelty.p_value(estimates, self.card.principal, self.card.supporters)
 
     def explain(
         self, estimates: Estimates, models: Mapping[str, Models] | None = None
@@ -108,10 +116,12 @@ class Forecaster:
         A group of features (one supporter's rotation, say) is set to training's medians; the
         probability less the one that is then forecast is what the group did.
 
-        Raises:
-            MismatchError: as :meth:`probability`.
+        Raises
+        ------
+        MismatchError
+            As :meth:`probability`.
         """
-        return influences(self.predictor, *self._inputs(estimates, models), self.typical)
+        return attributions(self.predictor, *self._inputs(estimates, models), self.typical)
 
     def verdicts(
         self,
@@ -119,32 +129,47 @@ class Forecaster:
         models: Mapping[str, Models] | None = None,
         *,
         threshold: float | None = 0.5,
-        promise: str | None = None,
-        strange: float = STRANGE,
+        guarantee: str | None = None,
+        ood_alpha: float = OOD_ALPHA,
         explain: bool = False,
     ) -> list[Verdict]:
         """The verdict on every instance.
 
-        Args:
-            estimates, models: As for :meth:`probability`.
-            threshold: Attempt at this probability or above it; None attempts nothing.
-            promise: What the threshold was certified to keep.
-            strange: Abstain where :meth:`p_value` is this or less; 0 attempts the unfamiliar too.
-            explain: Say what moved the probability (see :meth:`explain`).
+        Parameters
+        ----------
+        estimates, models
+            As for :meth:`probability`.
+        threshold
+            Attempt at this probability or above it; None attempts nothing.
+        promise
+            What the threshold was certified to keep.
+        strange
+            Abstain where :meth:`p_value` is this or less; 0 attempts the unfamiliar too.
+        explain
+            Say what moved the probability (see :meth:`explain`).
 
-        Raises:
-            MismatchError: as :meth:`probability`.
+        Raises
+        ------
+        MismatchError
+            As :meth:`probability`.
         """
         found, numbers = self._inputs(estimates, models)
-        moved: Iterable[tuple[tuple[str, float], ...]] = repeat((), len(estimates))
+        attribution: Iterable[tuple[tuple[str, float], ...]] = repeat((), len(estimates))
         if explain:
-            moved = influences(self.predictor, found, numbers, self.typical)
+            attribution = attributions(self.predictor, found, numbers, self.typical)
         return [
-            decide(p, threshold, promise=promise, p_value=usual, strange=strange, moved=why)
+            decide(
+                p,
+                threshold,
+                guarantee=guarantee,
+                p_value=usual,
+                ood_alpha=ood_alpha,
+                attribution=why,
+            )
             for p, usual, why in zip(
                 self.predictor.probability(found.values, numbers).tolist(),
                 self.p_value(estimates).tolist(),
-                moved,
+                attribution,
                 strict=True,
             )
         ]
@@ -156,21 +181,30 @@ class Forecaster:
         *,
         threshold: float = 0.5,
         models: Mapping[str, Models] | None = None,
-        strange: float = STRANGE,
+        ood_alpha: float = OOD_ALPHA,
         explain: bool = False,
     ) -> Verdict:
         """The verdict on one instance.
 
-        Args:
-            poses: Estimator's name to its ``cam_T_obj``, metres.
-            object_name: ``dataset-number``, as in ``lmo-1``.
-            threshold: Attempt at this probability or above it.
-            models: As for :meth:`probability`.
-            strange, explain: As for :meth:`verdicts`.
+        Parameters
+        ----------
+        poses
+            Estimator's name to its ``cam_T_obj``, metres.
+        object_name
+            ``dataset-number``, as in ``lmo-1``.
+        threshold
+            Attempt at this probability or above it.
+        models
+            As for :meth:`probability`.
+        strange, explain
+            As for :meth:`verdicts`.
 
-        Raises:
-            MismatchError: for other estimators or objects than it was trained for.
-            InputError: for a pose that is not one, or a threshold that is no probability.
+        Raises
+        ------
+        MismatchError
+            For other estimators or objects than it was trained for.
+        InputError
+            For a pose that is not one, or a threshold that is no probability.
         """
         check_threshold(threshold)
         self._check_estimators(poses)
@@ -190,7 +224,7 @@ class Forecaster:
             cam_T_obj=np.stack([np.asarray(p, np.float64)[None] for p in poses.values()]),
         )
         (verdict,) = self.verdicts(
-            estimates, models, threshold=threshold, strange=strange, explain=explain
+            estimates, models, threshold=threshold, ood_alpha=ood_alpha, explain=explain
         )
         return verdict
 
@@ -215,10 +249,10 @@ class Forecaster:
 
     def _object_numbers(self, names: ndarray, unseen: bool = False) -> ndarray:
         number = {name: i for i, name in enumerate(self.card.objects)}
-        strange = sorted(set(names.tolist()) - set(number))
-        if strange and not unseen:
+        unknown = sorted(set(names.tolist()) - set(number))
+        if unknown and not unseen:
             raise MismatchError(
-                f"this model was not trained for {', '.join(strange)}; it knows "
+                f"this model was not trained for {', '.join(unknown)}; it knows "
                 f"{', '.join(self.card.objects)}; leave the others out with --objects"
             )
         return np.array([number.get(name, UNSEEN) for name in names.tolist()], dtype=np.int64)
@@ -232,15 +266,17 @@ class Forecaster:
                 card=np.array(json.dumps(content)),
                 typical=self.typical,
                 **_prefixed("predictor", self.predictor.to_arrays()),
-                **_prefixed("familiarity", self.familiarity.to_arrays()),
+                **_prefixed("novelty", self.novelty.to_arrays()),
             )
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Forecaster:
         """Read what :meth:`save` wrote.
 
-        Raises:
-            FormatError: if the file is missing, truncated, or no model.
+        Raises
+        ------
+        FormatError
+            If the file is missing, truncated, or no model.
         """
         path = Path(path)
         try:
@@ -250,11 +286,11 @@ class Forecaster:
                 arrays = {k: data[k] for k in data.files if k != "card"}
             if content["format"] != _FORMAT:
                 raise FormatError(path, f"is a model of format {content['format']}, not {_FORMAT}")
-            card = Card.from_dict(content["card"])
+            card = ModelCard.from_dict(content["card"])
             return cls(
                 card,
                 KINDS[card.method].from_arrays(_below("predictor", arrays)),
-                Familiarity.from_arrays(_below("familiarity", arrays)),
+                Novelty.from_arrays(_below("novelty", arrays)),
                 arrays["typical"],
             )
         except FormatError:

@@ -13,26 +13,39 @@ from numpy import ndarray
 
 from graspcast.estimates.alignment import Estimates
 
-__all__ = ["Card", "digest_of"]
+__all__ = ["ModelCard", "digest_of"]
 
 
 @dataclass(frozen=True)
-class Card:
+class ModelCard:
     """What a forecaster was made of.
 
-    Attributes:
-        principal, supporters: The estimators; features are in the supporters' order.
-        gripper: The gripper whose outcomes it learned.
-        objects: ``dataset-number`` of the objects it knows.
-        simulated: Those of them that it knows by simulated trials alone.
-        scenes: ``dataset/scene`` of all that it has learned from.
-        method: One of :data:`graspcast.forecasting.forecaster.METHODS`.
-        features: Feature set (``paper``, ``rich`` or ``full``), or ``add`` for the threshold.
-        settings: Of the method.
-        samples, success_rate: Of the training data.
-        data: SHA-256 of the training data.
-        versions: Of graspcast, Python and NumPy.
-        scores: Cross-validated scores by protocol.
+    Attributes
+    ----------
+    principal, supporters
+        The estimators; features are in the supporters' order.
+    gripper
+        The gripper whose outcomes it learned.
+    objects
+        ``dataset-number`` of the objects it knows.
+    simulated
+        Those of them that it knows by simulated trials alone.
+    scenes
+        ``dataset/scene`` of all that it has learned from.
+    method
+        One of :data:`graspcast.forecasting.forecaster.METHODS`.
+    features
+        Feature set (``paper``, ``rich`` or ``full``), or ``add`` for the threshold.
+    settings
+        Of the method.
+    samples, success_rate
+        Of the training data.
+    data
+        SHA-256 of the training data.
+    versions
+        Of graspcast, Python and NumPy.
+    scores
+        Cross-validated scores by protocol.
     """
 
     principal: str
@@ -66,7 +79,7 @@ class Card:
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Card:
+    def from_dict(cls, content: Mapping[str, Any]) -> ModelCard:
         """The inverse of :meth:`as_dict`, from JSON."""
         lists = ("supporters", "objects", "simulated", "scenes")
         return cls(**{**content, **{k: tuple(content[k]) for k in lists}})

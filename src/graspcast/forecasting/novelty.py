@@ -21,17 +21,21 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import scene_groups
 from graspcast.pose.ray_frame import compressed, relative
 
-__all__ = ["Familiarity"]
+__all__ = ["Novelty"]
 
 
 @dataclass(frozen=True, eq=False)
-class Familiarity:
+class Novelty:
     """What training's disagreements look like.
 
-    Attributes:
-        centre: (6 (K - 1),).
-        precision: Inverse covariance, (6 (K - 1), 6 (K - 1)).
-        scores: Of held-out training instances, ascending, (m,).
+    Attributes
+    ----------
+    centre
+        (6 (K - 1),).
+    precision
+        Inverse covariance, (6 (K - 1), 6 (K - 1)).
+    scores
+        Of held-out training instances, ascending, (m,).
     """
 
     centre: Float[ndarray, "d"]
@@ -39,7 +43,7 @@ class Familiarity:
     scores: Float[ndarray, "m"]
 
     @classmethod
-    def fit(cls, estimates: Estimates, principal: str, *, folds: int = 4) -> Familiarity:
+    def fit(cls, estimates: Estimates, principal: str, *, folds: int = 4) -> Novelty:
         """Learn from the training instances; their scenes are dealt into ``folds`` in turn."""
         rows = disagreement(estimates, principal, estimates.supporters(principal))
         names, group = np.unique(scene_groups(estimates), return_inverse=True)
@@ -64,7 +68,7 @@ class Familiarity:
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Familiarity:
+    def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Novelty:
         """The inverse of :meth:`to_arrays`."""
         return cls(*(arrays[f.name] for f in fields(cls)))
 

@@ -23,12 +23,18 @@ __all__ = ["Samples", "join", "outcomes_of"]
 class Samples:
     """Instances whose grasp, guided by the principal, was tried with one gripper.
 
-    Attributes:
-        estimates: The instances' poses by all estimators.
-        principal: The estimator that guided the grasps.
-        gripper: The gripper's name.
-        success: Outcomes, (n,).
-        untried: How many instances were left out because they have no outcome.
+    Attributes
+    ----------
+    estimates
+        The instances' poses by all estimators.
+    principal
+        The estimator that guided the grasps.
+    gripper
+        The gripper's name.
+    success
+        Outcomes, (n,).
+    untried
+        How many instances were left out because they have no outcome.
     """
 
     estimates: Estimates
@@ -82,9 +88,12 @@ def outcomes_of(
 def join(estimates: Estimates, outcomes: pl.DataFrame, principal: str, gripper: str) -> Samples:
     """Give each instance the outcome of the trial that its principal guided.
 
-    Raises:
-        UnknownNameError: for a principal or gripper that is not there.
-        MismatchError: if no instance has an outcome.
+    Raises
+    ------
+    UnknownNameError
+        For a principal or gripper that is not there.
+    MismatchError
+        If no instance has an outcome.
     """
     estimates.index(principal)
     grippers = outcomes["gripper"].unique().sort().to_list()

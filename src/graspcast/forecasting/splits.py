@@ -32,14 +32,21 @@ def by_scene(
 ) -> Iterator[Fold]:
     """Cross-validation in which no scene (or block of frames) is on both sides.
 
-    Args:
-        samples: What is dealt out.
-        folds: How many parts.
-        seed: Of the dealing.
-        groups: What is kept together, (n,), if not :func:`scene_groups` of the samples.
+    Parameters
+    ----------
+    samples
+        What is dealt out.
+    folds
+        How many parts.
+    seed
+        Of the dealing.
+    groups
+        What is kept together, (n,), if not :func:`scene_groups` of the samples.
 
-    Raises:
-        MismatchError: if there are fewer scenes than folds.
+    Raises
+    ------
+    MismatchError
+        If there are fewer scenes than folds.
     """
     from sklearn.model_selection import StratifiedGroupKFold
 

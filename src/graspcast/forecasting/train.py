@@ -15,13 +15,13 @@ from graspcast.errors import InputError, UnknownNameError
 from graspcast.estimates.instances import unit_names
 from graspcast.forecasting.features import FeatureSet, features_of
 from graspcast.forecasting.forecaster import KINDS, Forecaster
-from graspcast.forecasting.model_card import Card, digest_of
+from graspcast.forecasting.model_card import ModelCard, digest_of
 from graspcast.forecasting.models.add_threshold import Thresholds
 from graspcast.forecasting.models.blend import Blend, ForestSettings
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble, NetworkSettings
-from graspcast.forecasting.novelty import Familiarity
+from graspcast.forecasting.novelty import Novelty
 from graspcast.forecasting.samples import Samples
-from graspcast.forecasting.training_data import Lessons, as_lessons
+from graspcast.forecasting.training_data import TrainingData, as_training_data
 
 __all__ = ["train_forecaster"]
 
@@ -29,7 +29,7 @@ _FORESTS = {"blend": None, "two-stage": 0.0, "direct": 1.0}
 
 
 def train_forecaster(
-    given: Samples | Lessons,
+    given: Samples | TrainingData,
     *,
     method: str = "blend",
     features: FeatureSet = "paper",
@@ -40,26 +40,37 @@ def train_forecaster(
 ) -> Forecaster:
     """Train a forecaster for a principal, its supporters, a gripper and objects.
 
-    Args:
-        given: Instances with outcomes; lessons may add ground truth, outcomes of grasps that the
-            other estimators guided, and simulated trials.
-        method: ``blend`` (the default), its parts ``two-stage`` (needs ground truth) and
-            ``direct``; ``threshold`` (on ADD), ``MLP`` (the paper's networks for each object) or
-            ``MLP-O`` (for all), which learn from the principal's outcomes alone.
-        features: Of networks, ``paper`` or ``rich``; the other methods have their own.
-        settings: Of networks.
-        forests: Of ``blend``, ``two-stage`` and ``direct``.
-        models: Dataset's name to its object models, for all but the paper's features.
-        progress: Called with the share of the work that is done.
+    Parameters
+    ----------
+    given
+        Instances with outcomes; lessons may add ground truth, outcomes of grasps that the other
+        estimators guided, and simulated trials.
+    method
+        ``blend`` (the default), its parts ``two-stage`` (needs ground truth) and ``direct``;
+        ``threshold`` (on ADD), ``MLP`` (the paper's networks for each object) or ``MLP-O`` (for
+        all), which learn from the principal's outcomes alone.
+    features
+        Of networks, ``paper`` or ``rich``; the other methods have their own.
+    settings
+        Of networks.
+    forests
+        Of ``blend``, ``two-stage`` and ``direct``.
+    models
+        Dataset's name to its object models, for all but the paper's features.
+    progress
+        Called with the share of the work that is done.
 
-    Raises:
-        UnknownNameError: for an unknown method.
-        InputError: for fewer than ten samples, or only successes or only failures, unless there
-            are simulated trials.
+    Raises
+    ------
+    UnknownNameError
+        For an unknown method.
+    InputError
+        For fewer than ten samples, or only successes or only failures, unless there are simulated
+        trials.
     """
     if method not in KINDS:
         raise UnknownNameError("method", method, KINDS)
-    learned = as_lessons(given)
+    learned = as_training_data(given)
     if not learned.has_truth.any() and (method == "two-stage" or learned.simulated is not None):
         raise InputError(
             "two stages, and so simulated trials, need ground truth of some images: give the "
@@ -97,7 +108,7 @@ def train_forecaster(
         scope = learned.select(tried)
         names = tuple(sorted(set(scope.estimates.objects.tolist())))
     estimates = scope.estimates
-    card = Card(
+    card = ModelCard(
         principal=learned.principal,
         supporters=estimates.supporters(learned.principal),
         gripper=learned.gripper,
@@ -130,6 +141,6 @@ def train_forecaster(
     return Forecaster(
         card,
         predictor,
-        Familiarity.fit(estimates, card.principal),
+        Novelty.fit(estimates, card.principal),
         np.median(values, axis=0),
     )

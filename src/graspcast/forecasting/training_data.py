@@ -16,17 +16,21 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.outcomes import read_error_outcomes
 from graspcast.forecasting.samples import Samples, outcomes_of
 
-__all__ = ["ErrorOutcomes", "Lessons", "as_lessons", "lessons"]
+__all__ = ["SimulatedTrials", "TrainingData", "as_training_data", "training_data"]
 
 
 @dataclass(frozen=True, eq=False)
-class ErrorOutcomes:
+class SimulatedTrials:
     """Trials known by the error that guided them, of one gripper.
 
-    Attributes:
-        objects: ``dataset-number`` of each trial's object, (n,).
-        obj_T_est: The errors, ``inv(cam_T_true) @ cam_T_est``, (n, 4, 4).
-        success: Outcomes, (n,).
+    Attributes
+    ----------
+    objects
+        ``dataset-number`` of each trial's object, (n,).
+    obj_T_est
+        The errors, ``inv(cam_T_true) @ cam_T_est``, (n, 4, 4).
+    success
+        Outcomes, (n,).
     """
 
     objects: ndarray
@@ -37,12 +41,15 @@ class ErrorOutcomes:
         return len(self.success)
 
     @classmethod
-    def read(cls, paths: Iterable[str | PathLike[str]], gripper: str) -> ErrorOutcomes:
+    def read(cls, paths: Iterable[str | PathLike[str]], gripper: str) -> SimulatedTrials:
         """Those of a gripper in campaigns.
 
-        Raises:
-            FormatError: naming the file that is wrong.
-            MismatchError: if there are none of this gripper.
+        Raises
+        ------
+        FormatError
+            Naming the file that is wrong.
+        MismatchError
+            If there are none of this gripper.
         """
         tables, errors = zip(*(read_error_outcomes(path) for path in paths), strict=True)
         table = pl.concat(tables)
@@ -56,23 +63,30 @@ class ErrorOutcomes:
             table["success"].to_numpy()[mine],
         )
 
-    def select(self, which: Bool[ndarray, "n"]) -> ErrorOutcomes:
+    def select(self, which: Bool[ndarray, "n"]) -> SimulatedTrials:
         """Some of the trials."""
-        return ErrorOutcomes(self.objects[which], self.obj_T_est[which], self.success[which])
+        return SimulatedTrials(self.objects[which], self.obj_T_est[which], self.success[which])
 
 
 @dataclass(frozen=True, eq=False)
-class Lessons:
+class TrainingData:
     """Instances, what is true of them, and what came of grasping them with one gripper.
 
-    Attributes:
-        estimates: Poses by all estimators.
-        principal: The estimator whose grasps are to be forecast.
-        gripper: The gripper.
-        truth: ``cam_T_obj``, NaN where it is not known, (n, 4, 4).
-        success: What came of the grasp that each estimator guided: 1, 0, or NaN where it was not
-            tried, (K, n), in the estimators' order.
-        simulated: Simulated trials by the error that guided them, of this gripper.
+    Attributes
+    ----------
+    estimates
+        Poses by all estimators.
+    principal
+        The estimator whose grasps are to be forecast.
+    gripper
+        The gripper.
+    truth
+        ``cam_T_obj``, NaN where it is not known, (n, 4, 4).
+    success
+        What came of the grasp that each estimator guided: 1, 0, or NaN where it was not tried, (K,
+        n), in the estimators' order.
+    simulated
+        Simulated trials by the error that guided them, of this gripper.
     """
 
     estimates: Estimates
@@ -80,7 +94,7 @@ class Lessons:
     gripper: str
     truth: Float[ndarray, "n 4 4"]
     success: Float[ndarray, "k n"]
-    simulated: ErrorOutcomes | None = None
+    simulated: SimulatedTrials | None = None
 
     def __len__(self) -> int:
         return len(self.estimates)
@@ -94,8 +108,10 @@ class Lessons:
     def samples(self) -> Samples:
         """The instances that were tried with the principal's estimate.
 
-        Raises:
-            MismatchError: if there are none.
+        Raises
+        ------
+        MismatchError
+            If there are none.
         """
         mine = self.success[self.estimates.index(self.principal)]
         has = ~np.isnan(mine)
@@ -111,7 +127,7 @@ class Lessons:
             int((~has).sum()),
         )
 
-    def select(self, which: Bool[ndarray, "n"] | Int[ndarray, "m"]) -> Lessons:
+    def select(self, which: Bool[ndarray, "n"] | Int[ndarray, "m"]) -> TrainingData:
         """Some of the instances, with all simulated trials."""
         return replace(
             self,
@@ -120,12 +136,15 @@ class Lessons:
             success=self.success[:, which],
         )
 
-    def only(self, *estimators: str) -> Lessons:
+    def only(self, *estimators: str) -> TrainingData:
         """What would be known had there been only these estimators: their poses and outcomes.
 
-        Raises:
-            UnknownNameError: for one that is not there.
-            MismatchError: if the principal is not among them.
+        Raises
+        ------
+        UnknownNameError
+            For one that is not there.
+        MismatchError
+            If the principal is not among them.
         """
         if self.principal not in estimators:
             raise MismatchError(
@@ -135,28 +154,36 @@ class Lessons:
         return replace(self, estimates=self.estimates.only(*estimators), success=self.success[rows])
 
 
-def lessons(
+def training_data(
     estimates: Estimates,
     outcomes: pl.DataFrame | None,
     principal: str,
     gripper: str,
     *,
     truth: Float[ndarray, "n 4 4"] | None = None,
-    simulated: ErrorOutcomes | None = None,
-) -> Lessons:
+    simulated: SimulatedTrials | None = None,
+) -> TrainingData:
     """Put together what is known of some instances.
 
-    Args:
-        estimates: Poses by K estimators.
-        outcomes: As :func:`graspcast.estimates.outcomes.read_outcomes` returns them, or None.
-        principal: Whose grasps are to be forecast.
-        gripper: The gripper.
-        truth: ``cam_T_obj``, NaN where unknown;
-            from :func:`~graspcast.estimates.matching.true_poses`.
-        simulated: Simulated trials of the gripper.
+    Parameters
+    ----------
+    estimates
+        Poses by K estimators.
+    outcomes
+        As :func:`graspcast.estimates.outcomes.read_outcomes` returns them, or None.
+    principal
+        Whose grasps are to be forecast.
+    gripper
+        The gripper.
+    truth
+        ``cam_T_obj``, NaN where unknown; from :func:`~graspcast.estimates.matching.true_poses`.
+    simulated
+        Simulated trials of the gripper.
 
-    Raises:
-        UnknownNameError: for a principal or gripper that is not there.
+    Raises
+    ------
+    UnknownNameError
+        For a principal or gripper that is not there.
     """
     estimates.index(principal)
     success = np.full((len(estimates.estimators), len(estimates)), np.nan)
@@ -173,15 +200,15 @@ def lessons(
             success[k] = outcomes_of(estimates, table, name, gripper)
     if truth is None:
         truth = np.full((len(estimates), 4, 4), np.nan)
-    return Lessons(estimates, principal, gripper, truth, success, simulated)
+    return TrainingData(estimates, principal, gripper, truth, success, simulated)
 
 
-def as_lessons(given: Samples | Lessons) -> Lessons:
+def as_training_data(given: Samples | TrainingData) -> TrainingData:
     """Samples as lessons without ground truth, of the principal's outcomes alone."""
-    if isinstance(given, Lessons):
+    if isinstance(given, TrainingData):
         return given
     estimates = given.estimates
     success = np.full((len(estimates.estimators), len(estimates)), np.nan)
     success[estimates.index(given.principal)] = given.success
     truth = np.full((len(estimates), 4, 4), np.nan)
-    return Lessons(estimates, given.principal, given.gripper, truth, success)
+    return TrainingData(estimates, given.principal, given.gripper, truth, success)

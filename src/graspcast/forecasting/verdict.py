@@ -15,7 +15,7 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.io.files import write_text
 
 __all__ = [
-    "STRANGE",
+    "OOD_ALPHA",
     "Verdict",
     "VerdictRow",
     "check_threshold",
@@ -25,7 +25,7 @@ __all__ = [
     "write_verdicts",
 ]
 
-STRANGE = 0.01
+OOD_ALPHA = 0.01
 """A disagreement whose p-value is this or less is unfamiliar, so it is abstained from."""
 
 COLUMNS = ("scene_id", "im_id", "obj_id", "gripper", "probability", "verdict", "reason")
@@ -35,25 +35,34 @@ COLUMNS = ("scene_id", "im_id", "obj_id", "gripper", "probability", "verdict", "
 class Verdict:
     """Whether to attempt a grasp, and why.
 
-    Attributes:
-        attempt: Whether to attempt it.
-        probability: Of success; None where there is no forecast.
-        reason: Why, in a few words.
-        threshold: The least probability that is attempted; None where there is no forecast.
-        promise: What the threshold was certified to keep, if it was.
-        p_value: How usual the disagreement is (small is strange), where that was asked.
-        unfamiliar: Whether it was too strange to trust the forecast.
-        moved: What moved the probability, and by how much, the strongest first, where asked.
+    Attributes
+    ----------
+    attempt
+        Whether to attempt it.
+    probability
+        Of success; None where there is no forecast.
+    reason
+        Why, in a few words.
+    threshold
+        The least probability that is attempted; None where there is no forecast.
+    promise
+        What the threshold was certified to keep, if it was.
+    p_value
+        How usual the disagreement is (small is strange), where that was asked.
+    unfamiliar
+        Whether it was too strange to trust the forecast.
+    moved
+        What moved the probability, and by how much, the strongest first, where asked.
     """
 
     attempt: bool
     probability: float | None
     reason: str
     threshold: float | None = None
-    promise: str | None = None
+    guarantee: str | None = None
     p_value: float | None = None
-    unfamiliar: bool = False
-    moved: tuple[tuple[str, float], ...] = ()
+    out_of_distribution: bool = False
+    attribution: tuple[tuple[str, float], ...] = ()
 
     def __str__(self) -> str:
         return "attempt" if self.attempt else "abstain"
@@ -73,8 +82,10 @@ class VerdictRow:
 def check_threshold(threshold: float) -> float:
     """A decision threshold, if it is a probability.
 
-    Raises:
-        InputError: if it is not between 0 and 1.
+    Raises
+    ------
+    InputError
+        If it is not between 0 and 1.
     """
     if not 0.0 <= threshold <= 1.0:
         raise InputError(f"the threshold is a probability between 0 and 1, not {threshold}")
@@ -85,35 +96,49 @@ def decide(
     probability: float,
     threshold: float | None,
     *,
-    promise: str | None = None,
+    guarantee: str | None = None,
     p_value: float | None = None,
-    strange: float = STRANGE,
-    moved: tuple[tuple[str, float], ...] = (),
+    ood_alpha: float = OOD_ALPHA,
+    attribution: tuple[tuple[str, float], ...] = (),
 ) -> Verdict:
     """Attempt at this probability or above it, unless the disagreement is unfamiliar.
 
-    Args:
-        probability: Of success.
-        threshold: The least that is attempted; None attempts nothing.
-        promise: What the threshold was certified to keep, or why nothing could be.
-        p_value: How usual the disagreement is; None is not asked.
-        strange: A p-value of this or less is unfamiliar; 0 trusts every forecast.
-        moved: What moved the probability.
+    Parameters
+    ----------
+    probability
+        Of success.
+    threshold
+        The least that is attempted; None attempts nothing.
+    promise
+        What the threshold was certified to keep, or why nothing could be.
+    p_value
+        How usual the disagreement is; None is not asked.
+    strange
+        A p-value of this or less is unfamiliar; 0 trusts every forecast.
+    moved
+        What moved the probability.
     """
-    unfamiliar = p_value is not None and p_value <= strange
-    attempt = threshold is not None and probability >= threshold and not unfamiliar
+    out_of_distribution = p_value is not None and p_value <= ood_alpha
+    attempt = threshold is not None and probability >= threshold and not out_of_distribution
     if threshold is None:
         reason = f"probability {probability:.3f}; no threshold could be certified"
     else:
         sign = ">=" if probability >= threshold else "<"
         reason = f"probability {probability:.3f} {sign} {threshold:g}"
-    if unfamiliar:
+    if out_of_distribution:
         reason += f"; unfamiliar disagreement (p-value {p_value:.4f})"
-    if moved:
-        told = ", ".join(f"{name} {by:+.2f}" for name, by in moved[:2])
+    if attribution:
+        told = ", ".join(f"{name} {by:+.2f}" for name, by in attribution[:2])
         reason += f"; moved by {told}"
     return Verdict(
-        attempt, probability, reason, threshold, promise, p_value, unfamiliar, tuple(moved)
+        attempt,
+        probability,
+        reason,
+        threshold,
+        guarantee,
+        p_value,
+        out_of_distribution,
+        tuple(attribution),
     )
 
 
@@ -122,10 +147,14 @@ def verdict_rows(
 ) -> list[tuple[tuple[int, int, int, int], VerdictRow]]:
     """Verdicts on all of the anchor's instances, by scene, image, object and instance, ascending.
 
-    Args:
-        estimates: Instances with a pose by every estimator, and those that some lack.
-        verdicts: One for each of the former.
-        gripper: The gripper's name.
+    Parameters
+    ----------
+    estimates
+        Instances with a pose by every estimator, and those that some lack.
+    verdicts
+        One for each of the former.
+    gripper
+        The gripper's name.
     """
     columns = (estimates.scene_id, estimates.im_id, estimates.obj_id, estimates.inst_id)
     keys = zip(*(column.tolist() for column in columns), strict=True)
@@ -161,8 +190,10 @@ def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> Non
 def read_verdicts(path: str | PathLike[str]) -> list[VerdictRow]:
     """Read what :func:`write_verdicts` wrote, in its order.
 
-    Raises:
-        FormatError: naming the line.
+    Raises
+    ------
+    FormatError
+        Naming the line.
     """
     try:
         with Path(path).open(encoding="utf-8-sig", newline="") as stream:

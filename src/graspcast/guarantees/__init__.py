@@ -1,1 +1,1 @@
-"""TODO guarantees."""
+"""Certified success rates: Learn-then-Test, certificates, drift monitoring."""

@@ -12,15 +12,15 @@ from os import PathLike
 from typing import Any, Literal, get_args
 
 from graspcast.errors import FormatError, GraspcastError, UnknownNameError
-from graspcast.guarantees.threshold_sequence import Sequence
+from graspcast.guarantees.threshold_sequence import ThresholdSequence
 from graspcast.io.files import write_text
 from graspcast.io.json import read_json, require
 
 __all__ = [
     "MOST_UNITS",
     "OVERALL",
-    "Promise",
-    "Promises",
+    "Certificate",
+    "Guarantee",
     "Weight",
 ]
 
@@ -31,26 +31,38 @@ _FORMAT = 1
 
 
 @dataclass(frozen=True)
-class Promise:
+class Guarantee:
     """What can be promised of one scope, and on what evidence.
 
-    Attributes:
-        scope: :data:`OVERALL`, or an object (``dataset-number``).
-        threshold: Attempt at this probability or above it; None if nothing can be certified.
-        rate: Attempts succeed at least at this rate ...
-        confidence: ... but for a chance of 1 - confidence that the calibration data misled.
-        units, trials: In the calibration data.
-        shown_at: The threshold that the figures below belong to: the certified one, or where none
-            could be, the one that would need the fewest units.
-        attempted_units, successes: Units with a drawn attempt, and how many of these succeeded.
-        lower: The exact lower bound that these give at the error spent on this threshold; where
-            nothing is certified, at all of the allowed error, as if testing had started here.
-        attempts, attempts_held: All attempted trials, and how many of these succeeded.
-        attempt_rate: Expected share of a new unit's instances that are attempted.
-        attempt_interval: Its two-sided interval, at ``confidence``.
-        needed_units: Where nothing is certified: how many *fresh* units would certify
-            ``shown_at``, if testing starts there and the success rate seen there goes on; None if
-            not even 10,000 would.
+    Attributes
+    ----------
+    scope
+        :data:`OVERALL`, or an object (``dataset-number``).
+    threshold
+        Attempt at this probability or above it; None if nothing can be certified.
+    rate
+        Attempts succeed at least at this rate ...
+    confidence
+        ... but for a chance of 1 - confidence that the calibration data misled.
+    units, trials
+        In the calibration data.
+    shown_at
+        The threshold that the figures below belong to: the certified one, or where none could be,
+        the one that would need the fewest units.
+    attempted_units, successes
+        Units with a drawn attempt, and how many of these succeeded.
+    lower
+        The exact lower bound that these give at the error spent on this threshold; where nothing is
+        certified, at all of the allowed error, as if testing had started here.
+    attempts, attempts_held
+        All attempted trials, and how many of these succeeded.
+    attempt_rate
+        Expected share of a new unit's instances that are attempted.
+    attempt_interval
+        Its two-sided interval, at ``confidence``.
+    needed_units
+        Where nothing is certified: how many *fresh* units would certify ``shown_at``, if testing
+        starts there and the success rate seen there goes on; None if not even 10,000 would.
     """
 
     scope: str
@@ -98,41 +110,51 @@ class Promise:
 
 
 @dataclass(frozen=True)
-class Promises:
+class Certificate:
     """The promises of one calibration, overall and by object.
 
-    Attributes:
-        promises: The overall one first.
-        rate, confidence: As asked for.
-        family: How many promises hold *together* with this confidence (each is then made with
-            1 - (1 - confidence) / family); 1 if each holds alone.
-        weight: As for :func:`graspcast.certify`.
-        seed: Of the draws.
-        sequence: Of the thresholds.
-        provenance: Whose data these were: model, gripper, kind of unit, versions.
+    Attributes
+    ----------
+    guarantees
+        The overall one first.
+    rate, confidence
+        As asked for.
+    family
+        How many promises hold *together* with this confidence (each is then made with 1 - (1 -
+        confidence) / family); 1 if each holds alone.
+    weight
+        As for :func:`graspcast.certify`.
+    seed
+        Of the draws.
+    sequence
+        Of the thresholds.
+    provenance
+        Whose data these were: model, gripper, kind of unit, versions.
     """
 
-    promises: tuple[Promise, ...]
+    guarantees: tuple[Guarantee, ...]
     rate: float
     confidence: float
     family: int
     weight: Weight
     seed: int
-    sequence: Sequence
+    sequence: ThresholdSequence
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
-    def overall(self) -> Promise:
+    def overall(self) -> Guarantee:
         """That of all objects together."""
-        return self.promises[0]
+        return self.guarantees[0]
 
-    def of(self, scope: str) -> Promise:
+    def of(self, scope: str) -> Guarantee:
         """That of an object.
 
-        Raises:
-            UnknownNameError: if there is none.
+        Raises
+        ------
+        UnknownNameError
+            If there is none.
         """
-        by_name = {p.scope: p for p in self.promises}
+        by_name = {p.scope: p for p in self.guarantees}
         if scope not in by_name:
             raise UnknownNameError("scope of a promise", scope, by_name)
         return by_name[scope]
@@ -147,11 +169,13 @@ class Promises:
         write_text(path, text + "\n")
 
     @classmethod
-    def load(cls, path: str | PathLike[str]) -> Promises:
+    def load(cls, path: str | PathLike[str]) -> Certificate:
         """Read what :meth:`save` wrote.
 
-        Raises:
-            FormatError: naming the entry that is missing or wrong.
+        Raises
+        ------
+        FormatError
+            Naming the entry that is missing or wrong.
         """
         content = read_json(path, dict)
         if (found := require(content, "format", path, "top level")) != _FORMAT:
@@ -159,19 +183,19 @@ class Promises:
         names = [f.name for f in fields(cls)]
         given = {name: require(content, name, path, "top level") for name in names}
         try:
-            entries = tuple(_promise(entry) for entry in given["promises"])
+            entries = tuple(_promise(entry) for entry in given["guarantees"])
             if not entries or entries[0].scope != OVERALL:
                 raise ValueError("the overall promise is not the first")
             if given["weight"] not in get_args(Weight):
                 raise ValueError(f"unknown weight {given['weight']!r}")
             return cls(
-                promises=entries,
+                guarantees=entries,
                 rate=_within(given["rate"]),
                 confidence=_within(given["confidence"]),
                 family=int(given["family"]),
                 weight=given["weight"],
                 seed=int(given["seed"]),
-                sequence=Sequence.from_dict(given["sequence"]),
+                sequence=ThresholdSequence.from_dict(given["sequence"]),
                 provenance=dict(given["provenance"]),
             )
         except (KeyError, TypeError, ValueError, GraspcastError) as error:
@@ -186,7 +210,7 @@ def _within(value: Any) -> float:
     return float(value)
 
 
-def _promise(entry: Mapping[str, Any]) -> Promise:
+def _promise(entry: Mapping[str, Any]) -> Guarantee:
     shares = ("rate", "confidence", "shown_at", "lower", "attempt_rate")
     counts = ("units", "trials", "attempted_units", "successes", "attempts", "attempts_held")
     values: dict[str, Any] = {name: _within(entry[name]) for name in shares}
@@ -196,7 +220,7 @@ def _promise(entry: Mapping[str, Any]) -> Promise:
         values[name] = entry[name]
     needed = entry["needed_units"]
     low, high = entry["attempt_interval"]
-    return Promise(
+    return Guarantee(
         scope=str(entry["scope"]),
         threshold=None if entry["threshold"] is None else _within(entry["threshold"]),
         attempt_interval=(_within(low), _within(high)),

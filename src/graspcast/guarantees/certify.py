@@ -35,9 +35,9 @@ from numpy import ndarray
 
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.guarantees.binomial import lower_bound, mean_interval, needed_trials, p_value
-from graspcast.guarantees.certificate import MOST_UNITS, OVERALL, Promise, Promises, Weight
+from graspcast.guarantees.certificate import MOST_UNITS, OVERALL, Certificate, Guarantee, Weight
 from graspcast.guarantees.threshold_sequence import (
-    Sequence,
+    ThresholdSequence,
     UnitShares,
     check_target,
     default_sequence,
@@ -54,42 +54,53 @@ def certify(
     rate: float,
     confidence: float,
     objects: ndarray | None = None,
-    sequence: Sequence | None = None,
+    sequence: ThresholdSequence | None = None,
     weight: Weight = "attempt",
     simultaneous: bool = False,
     others: int = 0,
     seed: int = 0,
     provenance: Mapping[str, Any] | None = None,
-) -> Promises:
+) -> Certificate:
     """Find the thresholds at which a success rate can be promised.
 
     Over new units that come about as the calibration units did, and over the calibration units
     themselves, the chance that a threshold is returned whose attempts succeed at less than ``rate``
     is at most 1 - ``confidence``. The calibration data must not have taken part in training.
 
-    Args:
-        probability: Forecasts for the calibration trials, (n,).
-        success: Their outcomes, (n,).
-        units: The scene or image of each, (n,); units are independent, trials within one need not
-            be.
-        rate: The success rate to promise.
-        confidence: With which.
-        objects: Each trial's object; then there is a promise for each of them too.
-        sequence: Of the thresholds, fixed on other data; :func:`default_sequence` if None.
-        weight: Whether every attempt counts (``attempt``), or every unit that has any (``unit``);
-            see this module's description.
-        simultaneous: All promises hold together with the confidence (Bonferroni: each gets its
-            part of the allowed error). Otherwise each holds with it alone, and among many some
-            may well be broken.
-        others: How many promises of other calls (other grippers, say) are to hold together with
-            these.
-        seed: Of the draws; to be settled before the data are looked at. The order of the trials
-            does not matter.
-        provenance: Kept with the result.
+    Parameters
+    ----------
+    probability
+        Forecasts for the calibration trials, (n,).
+    success
+        Their outcomes, (n,).
+    units
+        The scene or image of each, (n,); units are independent, trials within one need not be.
+    rate
+        The success rate to promise.
+    confidence
+        With which.
+    objects
+        Each trial's object; then there is a promise for each of them too.
+    sequence
+        Of the thresholds, fixed on other data; :func:`default_sequence` if None.
+    weight
+        Whether every attempt counts (``attempt``), or every unit that has any (``unit``); see this
+        module's description.
+    simultaneous
+        All promises hold together with the confidence (Bonferroni: each gets its part of the
+        allowed error). Otherwise each holds with it alone, and among many some may well be broken.
+    others
+        How many promises of other calls (other grippers, say) are to hold together with these.
+    seed
+        Of the draws; to be settled before the data are looked at. The order of the trials does not
+        matter.
+    provenance
+        Kept with the result.
 
-    Raises:
-        InputError: if there are no trials, probabilities or shares are not between 0 and 1, or
-            lengths differ.
+    Raises
+    ------
+    InputError
+        If there are no trials, probabilities or shares are not between 0 and 1, or lengths differ.
     """
     _check(probability, success, units, objects, rate, confidence, weight)
     sequence = sequence or default_sequence(rate)
@@ -104,7 +115,9 @@ def certify(
         )
         for name, mine in scopes
     )
-    return Promises(found, rate, confidence, family, weight, seed, sequence, dict(provenance or {}))
+    return Certificate(
+        found, rate, confidence, family, weight, seed, sequence, dict(provenance or {})
+    )
 
 
 def _check(
@@ -180,10 +193,10 @@ def _certify_one(
     units: ndarray,
     rate: float,
     confidence: float,
-    sequence: Sequence,
+    sequence: ThresholdSequence,
     weight: Weight,
     seed: int,
-) -> Promise:
+) -> Guarantee:
     number = np.unique(units, return_inverse=True)[1]
     draws = _Draws(probability, success, number, weight, seed)
     allowed = 1.0 - confidence
@@ -203,7 +216,7 @@ def _certify_one(
     shares = UnitShares.at(shown, probability, success, number)
     attempt = probability >= shown
     count, held = draws.at(shown)
-    return Promise(
+    return Guarantee(
         scope=scope,
         threshold=certified,
         rate=rate,
@@ -228,7 +241,7 @@ def _fewest(
     number: ndarray,
     rate: float,
     confidence: float,
-    sequence: Sequence,
+    sequence: ThresholdSequence,
     weight: Weight,
 ) -> tuple[float, int | None]:
     """The threshold that fewest fresh units would certify, and how many; else the first start."""

@@ -49,19 +49,30 @@ class DriftMonitor:
     long good time is no debt to be worked off before an alarm. All of these are bets at even odds
     or worse while the promise holds, and so is their sum.
 
-    Attributes:
-        rate: The promised success rate.
-        alpha: The chance of a false alarm, ever, until the monitor is restarted.
-        most_attempts: If given, no unit has more attempts, and a unit counts by its share of them.
-        trials, successes: Seen since the last restart.
-        observations: Closed units, or trials without a unit.
-        alarm_at: The trial (from 1) after which the alarm was raised; None without alarm. An
-            alarm stays until :meth:`restart`.
-        restarts: How often it was restarted. Over k + 1 runs the chance of any false alarm is at
-            most (k + 1) alpha.
-        unit, unit_trials, unit_successes: The unit that is not closed yet.
-        log_stakes: Logarithm of the stake on each alternative; -inf before the first observation.
-        log_peak: The largest logarithm of the whole stake so far.
+    Attributes
+    ----------
+    rate
+        The promised success rate.
+    alpha
+        The chance of a false alarm, ever, until the monitor is restarted.
+    most_attempts
+        If given, no unit has more attempts, and a unit counts by its share of them.
+    trials, successes
+        Seen since the last restart.
+    observations
+        Closed units, or trials without a unit.
+    alarm_at
+        The trial (from 1) after which the alarm was raised; None without alarm. An alarm stays
+        until :meth:`restart`.
+    restarts
+        How often it was restarted. Over k + 1 runs the chance of any false alarm is at most (k + 1)
+        alpha.
+    unit, unit_trials, unit_successes
+        The unit that is not closed yet.
+    log_stakes
+        Logarithm of the stake on each alternative; -inf before the first observation.
+    log_peak
+        The largest logarithm of the whole stake so far.
     """
 
     rate: float
@@ -118,13 +129,18 @@ class DriftMonitor:
     def observe(self, success: bool, unit: str | None = None) -> bool:
         """Take in one attempted trial; whether there is an alarm.
 
-        Args:
-            success: Whether the grasp held.
-            unit: Its scene or image. A unit is weighed when the next one begins, or at
-                :meth:`close`, so its trials should come together. None: the trial is its own unit.
+        Parameters
+        ----------
+        success
+            Whether the grasp held.
+        unit
+            Its scene or image. A unit is weighed when the next one begins, or at :meth:`close`, so
+            its trials should come together. None: the trial is its own unit.
 
-        Raises:
-            InputError: if a unit has more attempts than ``most_attempts``.
+        Raises
+        ------
+        InputError
+            If a unit has more attempts than ``most_attempts``.
         """
         if self.unit is not None and unit != self.unit:
             self.close()
@@ -179,8 +195,10 @@ class DriftMonitor:
     def from_dict(cls, content: Mapping[str, Any], path: str | PathLike[str]) -> DriftMonitor:
         """What :meth:`as_dict` gave; ``path`` is named in errors.
 
-        Raises:
-            FormatError: naming the entry that is missing or wrong.
+        Raises
+        ------
+        FormatError
+            Naming the entry that is missing or wrong.
         """
         if (found := require(content, "format", path, "top level")) != _FORMAT:
             raise FormatError(path, f"is a monitor's state of format {found}, not {_FORMAT}")
@@ -206,8 +224,10 @@ class DriftMonitor:
     def load(cls, path: str | PathLike[str]) -> DriftMonitor:
         """Go on from what :meth:`save` wrote.
 
-        Raises:
-            FormatError: naming the entry that is missing or wrong.
+        Raises
+        ------
+        FormatError
+            Naming the entry that is missing or wrong.
         """
         return cls.from_dict(read_json(path, dict), path)
 

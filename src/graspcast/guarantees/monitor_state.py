@@ -19,31 +19,37 @@ import polars as pl
 
 from graspcast.errors import FormatError, MismatchError
 from graspcast.estimates.outcomes import read_outcomes
-from graspcast.guarantees.certificate import OVERALL, Promise
+from graspcast.guarantees.certificate import OVERALL, Guarantee
 from graspcast.guarantees.drift_monitor import DriftMonitor
 from graspcast.io.files import write_text
 from graspcast.io.json import read_json, require
 
-__all__ = ["FieldLog"]
+__all__ = ["MonitorState"]
 
 _DEFAULT_ALPHA = 0.05
 
 
 @dataclass
-class FieldLog:
+class MonitorState:
     """A monitor's state on disk.
 
-    Attributes:
-        path: Of the state.
-        monitor: Of one promise.
-        promise: SHA-256 of the promise's file.
-        scope: Which of its promises.
-        rows, digest: How many rows of the log were taken in, and their SHA-256.
+    Attributes
+    ----------
+    path
+        Of the state.
+    monitor
+        Of one promise.
+    promise
+        SHA-256 of the promise's file.
+    scope
+        Which of its promises.
+    rows, digest
+        How many rows of the log were taken in, and their SHA-256.
     """
 
     path: Path
     monitor: DriftMonitor
-    promise: str
+    guarantee: str
     scope: str
     rows: int = 0
     digest: str = ""
@@ -53,36 +59,45 @@ class FieldLog:
         cls,
         path: str | PathLike[str],
         promise_file: str | PathLike[str],
-        promise: Promise,
+        guarantee: Guarantee,
         *,
         alpha: float | None = None,
         most_attempts: int | None = None,
-    ) -> FieldLog:
+    ) -> MonitorState:
         """Go on from a state, or begin one.
 
-        Args:
-            path: The state; it need not exist.
-            promise_file: The file that holds the promise.
-            promise: The one to watch.
-            alpha: Chance of a false alarm; 0.05 for a new state if None.
-            most_attempts: As of :class:`DriftMonitor`.
+        Parameters
+        ----------
+        path
+            The state; it need not exist.
+        promise_file
+            The file that holds the promise.
+        promise
+            The one to watch.
+        alpha
+            Chance of a false alarm; 0.05 for a new state if None.
+        most_attempts
+            As of :class:`DriftMonitor`.
 
-        Raises:
-            FormatError: if the state is not a whole one.
-            MismatchError: if it is that of another promise, or of other settings.
+        Raises
+        ------
+        FormatError
+            If the state is not a whole one.
+        MismatchError
+            If it is that of another promise, or of other settings.
         """
         path = Path(path)
         digest = hashlib.sha256(Path(promise_file).read_bytes()).hexdigest()
         if not path.exists():
             alpha = _DEFAULT_ALPHA if alpha is None else alpha
-            monitor = DriftMonitor(promise.rate, alpha, most_attempts)
-            return cls(path, monitor, digest, promise.scope)
+            monitor = DriftMonitor(guarantee.rate, alpha, most_attempts)
+            return cls(path, monitor, digest, guarantee.scope)
         content = read_json(path, dict)
-        names = ("monitor", "promise", "scope", "rows", "digest")
+        names = ("monitor", "guarantee", "scope", "rows", "digest")
         found = {name: require(content, name, path, "top level") for name in names}
         if type(found["rows"]) is not int or found["rows"] < 0:
             raise FormatError(path, f"rows is {found['rows']!r}, not a whole number")
-        if (found["promise"], found["scope"]) != (digest, promise.scope):
+        if (found["guarantee"], found["scope"]) != (digest, guarantee.scope):
             raise MismatchError(
                 f"{path}: is the state of another promise ({found['scope']}); give each promise "
                 "a --state of its own"
@@ -94,29 +109,36 @@ class FieldLog:
                     f"{path}: was begun with {name.replace('_', '-')} {getattr(monitor, name)}, "
                     f"not {wanted}; leave it out, or begin another --state"
                 )
-        return cls(path, monitor, digest, promise.scope, found["rows"], found["digest"])
+        return cls(path, monitor, digest, guarantee.scope, found["rows"], found["digest"])
 
-    def take_in(self, log: str | PathLike[str], provenance: Mapping[str, Any]) -> int:
+    def update(self, log: str | PathLike[str], provenance: Mapping[str, Any]) -> int:
         """Let the monitor see what the log holds beyond the rows that were taken in before.
 
-        Args:
-            log: The attempts, oldest first.
-            provenance: The promise's: its ``principal``, ``gripper`` and ``unit``, if known.
+        Parameters
+        ----------
+        log
+            The attempts, oldest first.
+        provenance
+            The promise's: its ``principal``, ``gripper`` and ``unit``, if known.
 
-        Returns:
+        Returns
+        -------
             How many attempts were new.
 
-        Raises:
-            FormatError, InputError: if the log is not a table of outcomes.
-            MismatchError: if it does not begin with the rows that were taken in before, or holds
-                attempts that the promise is not about.
+        Raises
+        ------
+        FormatError, InputError
+            If the log is not a table of outcomes.
+        MismatchError
+            If it does not begin with the rows that were taken in before, or holds attempts that the
+            promise is not about.
         """
         frame = read_outcomes(log)
         for column, key in (("estimator", "principal"), ("gripper", "gripper")):
-            strange = set(frame[column]) - {provenance.get(key)}
-            if key in provenance and strange:
+            others = set(frame[column]) - {provenance.get(key)}
+            if key in provenance and others:
                 raise MismatchError(
-                    f"{log}: holds attempts of {column} {', '.join(sorted(strange))}, but the "
+                    f"{log}: holds attempts of {column} {', '.join(sorted(others))}, but the "
                     f"promise is about {provenance[key]}"
                 )
         if len(frame) < self.rows or _digest(frame.head(self.rows)) != self.digest:
@@ -138,7 +160,7 @@ class FieldLog:
         """Write the state, whole or not at all."""
         content = {
             "monitor": self.monitor.as_dict(),
-            "promise": self.promise,
+            "guarantee": self.guarantee,
             "scope": self.scope,
             "rows": self.rows,
             "digest": self.digest,

@@ -19,7 +19,7 @@ from graspcast.errors import InputError
 from graspcast.guarantees.binomial import power
 
 __all__ = [
-    "Sequence",
+    "ThresholdSequence",
     "UnitShares",
     "check_target",
     "default_sequence",
@@ -29,7 +29,7 @@ __all__ = [
 
 
 @dataclass(frozen=True)
-class Sequence:
+class ThresholdSequence:
     """Thresholds from strict to permissive, and where testing starts.
 
     The error that is allowed in all, 1 - confidence, is dealt out by ``weights``. A threshold is
@@ -38,10 +38,14 @@ class Sequence:
     false is at most the sum, however the tests depend on one another. With all weight on one
     threshold it is the fixed sequence of Angelopoulos et al. (2021) that starts there.
 
-    Attributes:
-        thresholds: Descending probabilities.
-        weights: One for each threshold, not negative, summing to 1.
-        source: What it was fixed on, in words.
+    Attributes
+    ----------
+    thresholds
+        Descending probabilities.
+    weights
+        One for each threshold, not negative, summing to 1.
+    source
+        What it was fixed on, in words.
     """
 
     thresholds: tuple[float, ...]
@@ -64,11 +68,13 @@ class Sequence:
         return asdict(self)
 
     @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Sequence:
+    def from_dict(cls, content: Mapping[str, Any]) -> ThresholdSequence:
         """What :meth:`as_dict` gave.
 
-        Raises:
-            KeyError, TypeError, ValueError, InputError: if it is something else.
+        Raises
+        ------
+        KeyError, TypeError, ValueError, InputError
+            If it is something else.
         """
         thresholds = tuple(float(t) for t in content["thresholds"])
         weights = tuple(float(w) for w in content["weights"])
@@ -78,14 +84,16 @@ class Sequence:
 def check_target(name: str, value: float) -> None:
     """Refuse a rate or a confidence that nothing, or only certainty, could reach.
 
-    Raises:
-        InputError: if it is not above 0 and below 1.
+    Raises
+    ------
+    InputError
+        If it is not above 0 and below 1.
     """
     if not 0.0 < value < 1.0:
         raise InputError(f"the {name} should be above 0 and below 1, not {value}")
 
 
-def default_sequence(rate: float) -> Sequence:
+def default_sequence(rate: float) -> ThresholdSequence:
     """Steps of a hundredth, downwards; testing starts at the target rate, and on either side of it.
 
     A calibrated forecaster keeps a promise of ``rate`` at the threshold ``rate``, and at no
@@ -98,17 +106,21 @@ def default_sequence(rate: float) -> Sequence:
     starts = {rate: 0.5, round(above, 9): 0.25, round(below, 9): 0.25}
     grid = {step / 100.0 for step in range(1, 100)}.union(starts)
     thresholds = tuple(sorted(grid, reverse=True))
-    return Sequence(thresholds, tuple(starts.get(t, 0.0) for t in thresholds), "no data")
+    return ThresholdSequence(thresholds, tuple(starts.get(t, 0.0) for t in thresholds), "no data")
 
 
 @dataclass(frozen=True, eq=False)
 class UnitShares:
     """What each unit holds at one threshold.
 
-    Attributes:
-        attempted: Share of the unit's trials that are attempted, (units,).
-        succeeded: Share of these that succeed; NaN where none is attempted, (units,).
-        size: The unit's trials, as a share of those of the largest, (units,).
+    Attributes
+    ----------
+    attempted
+        Share of the unit's trials that are attempted, (units,).
+    succeeded
+        Share of these that succeed; NaN where none is attempted, (units,).
+    size
+        The unit's trials, as a share of those of the largest, (units,).
     """
 
     attempted: Float[ndarray, "units"]
@@ -135,7 +147,8 @@ class UnitShares:
     def evidence(self, weight: str) -> tuple[float, float]:
         """How many of one's units bear evidence, and at which success rate.
 
-        Returns:
+        Returns
+        -------
             The expected share of units with a drawn attempt, and that attempt's success rate (NaN
             without attempts); the draw is explained in :mod:`graspcast.guarantees.certify`.
         """
@@ -159,19 +172,28 @@ def learn_sequence(
     calibration_units: int,
     weight: str = "attempt",
     steps: int = 50,
-) -> Sequence:
+) -> ThresholdSequence:
     """A sequence of quantiles that starts where other data say that it will most likely pass.
 
-    Args:
-        probability: Forecasts for data that are *not* the calibration data and that the forecaster
-            was not trained on: out-of-fold forecasts of its training data.
-        success: Their outcomes.
-        units: Their scenes or images.
-        rate: The target.
-        confidence: Of the promise.
-        calibration_units: How many units the calibration data will have.
-        weight: As for :func:`graspcast.certify`.
-        steps: How many quantiles there are.
+    Parameters
+    ----------
+    probability
+        Forecasts for data that are *not* the calibration data and that the forecaster was not
+        trained on: out-of-fold forecasts of its training data.
+    success
+        Their outcomes.
+    units
+        Their scenes or images.
+    rate
+        The target.
+    confidence
+        Of the promise.
+    calibration_units
+        How many units the calibration data will have.
+    weight
+        As for :func:`graspcast.certify`.
+    steps
+        How many quantiles there are.
 
     A start that few reach fails however good the forecaster is (at 0.9 and 0.9, with fewer than 22
     attempted units); one that is too permissive fails because the rate is too low. In between the
@@ -188,7 +210,9 @@ def learn_sequence(
     plateau = np.flatnonzero(np.array(chance) >= max(chance) - 0.01)
     start = int(plateau[len(plateau) // 2])
     weights = tuple(float(i == start) for i in range(len(thresholds)))
-    return Sequence(tuple(thresholds.tolist()), weights, f"{len(probability)} out-of-fold trials")
+    return ThresholdSequence(
+        tuple(thresholds.tolist()), weights, f"{len(probability)} out-of-fold trials"
+    )
 
 
 def explore(
@@ -201,19 +225,26 @@ def explore(
     rate: float,
     confidence: float,
     weight: str,
-) -> tuple[Sequence, Bool[ndarray, "n"]]:
+) -> tuple[ThresholdSequence, Bool[ndarray, "n"]]:
     """Spend some units on a sequence; the others remain for certifying.
 
-    Args:
-        probability, success, units, rate, confidence, weight: As for :func:`learn_sequence`.
-        spend: The share of units to spend; 0 gives :func:`default_sequence`, and keeps all.
-        seed: Of which units.
+    Parameters
+    ----------
+    probability, success, units, rate, confidence, weight
+        As for :func:`learn_sequence`.
+    spend
+        The share of units to spend; 0 gives :func:`default_sequence`, and keeps all.
+    seed
+        Of which units.
 
-    Returns:
+    Returns
+    -------
         The sequence, and which trials remain.
 
-    Raises:
-        InputError: if no unit is left on one of the sides.
+    Raises
+    ------
+    InputError
+        If no unit is left on one of the sides.
     """
     names = np.unique(units)
     count = round(spend * len(names))

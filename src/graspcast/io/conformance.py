@@ -25,9 +25,12 @@ class Check:
 class Report:
     """What a suite found, in the order in which it looked.
 
-    Attributes:
-        subject: What was looked at.
-        checks: The requirements.
+    Attributes
+    ----------
+    subject
+        What was looked at.
+    checks
+        The requirements.
     """
 
     kind: ClassVar[str] = "subject"

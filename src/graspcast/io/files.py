@@ -20,8 +20,10 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     If the block raises, the temporary file is removed and ``path`` is left as it was. Missing
     parent directories are made.
 
-    Raises:
-        InputError: if the directory cannot be written, or the disk is full.
+    Raises
+    ------
+    InputError
+        If the directory cannot be written, or the disk is full.
     """
     target = Path(path)
     try:

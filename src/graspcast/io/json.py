@@ -20,8 +20,10 @@ __all__ = ["identifier", "numbers", "read_json", "require"]
 def read_json(path: str | PathLike[str], kind: type[object]) -> Any:
     """Parse a JSON file whose top level must be a ``kind`` (dict or list).
 
-    Raises:
-        FormatError: if it cannot be read or parsed, or holds something else.
+    Raises
+    ------
+    FormatError
+        If it cannot be read or parsed, or holds something else.
     """
     try:
         value = json.loads(Path(path).read_text(encoding="utf-8-sig"))

@@ -17,8 +17,10 @@ __all__ = ["TomlTable", "read_toml"]
 def read_toml(path: Path) -> dict[str, Any]:
     """The content of a TOML file.
 
-    Raises:
-        FormatError: if it cannot be read, or is not TOML.
+    Raises
+    ------
+    FormatError
+        If it cannot be read, or is not TOML.
     """
     try:
         with path.open("rb") as stream:
@@ -43,10 +45,14 @@ _REQUIRED: Any = object()
 class TomlTable:
     """One table, read key by key; what is left over at the end is an error.
 
-    Args:
-        path: The file, for messages.
-        where: The table's name in the file.
-        values: Its content.
+    Parameters
+    ----------
+    path
+        The file, for messages.
+    where
+        The table's name in the file.
+    values
+        Its content.
     """
 
     def __init__(self, path: Path, where: str, values: Any):
@@ -63,8 +69,10 @@ class TomlTable:
     def take(self, key: str, kind: type, default: Any = _REQUIRED) -> Any:
         """A value of a type; a whole number will do for a float.
 
-        Raises:
-            FormatError: if it is missing and there is no default, or of another type.
+        Raises
+        ------
+        FormatError
+            If it is missing and there is no default, or of another type.
         """
         self._known.append(key)
         if key not in self.values:

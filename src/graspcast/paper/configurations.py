@@ -76,10 +76,14 @@ CONFIGURATIONS: Mapping[str, Configuration] = {
 class Cell:
     """The samples of one (principal, object, gripper).
 
-    Attributes:
-        features: (n, d).
-        success: Outcomes, (n,).
-        is_train: Which of them are for training, the rest being for testing, (n,).
+    Attributes
+    ----------
+    features
+        (n, d).
+    success
+        Outcomes, (n,).
+    is_train
+        Which of them are for training, the rest being for testing, (n,).
     """
 
     features: Float[ndarray, "n d"]
@@ -98,13 +102,20 @@ def run(
 ) -> dict[Protocol, dict[CellKey, Float[ndarray, "test"]]]:
     """Train a configuration on every cell; probabilities of each cell's test samples, in order.
 
-    Args:
-        configuration: Which cells share a network.
-        cells: Every cell; each needs training and test samples.
-        seed: Of initial weights, the order of samples, and the validation part.
-        protocols: Which ones to train for (``paper`` and ``last`` share their networks).
-        settings: The optimiser's; by default the paper's.
-        progress: Called with the share of the work that is done.
+    Parameters
+    ----------
+    configuration
+        Which cells share a network.
+    cells
+        Every cell; each needs training and test samples.
+    seed
+        Of initial weights, the order of samples, and the validation part.
+    protocols
+        Which ones to train for (``paper`` and ``last`` share their networks).
+    settings
+        The optimiser's; by default the paper's.
+    progress
+        Called with the share of the work that is done.
     """
     pools: dict[tuple[str, str, str], list[CellKey]] = {}
     for key in cells:

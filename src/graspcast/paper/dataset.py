@@ -58,13 +58,18 @@ OBJECTS = {
 class Published:
     """The published data in a directory, read when asked for.
 
-    Args:
-        directory: Where it is.
-        outcomes: Outcomes of one's own (a campaign's directory, Parquet or CSV) instead of the
-            published ones.
+    Parameters
+    ----------
+    directory
+        Where it is.
+    outcomes
+        Outcomes of one's own (a campaign's directory, Parquet or CSV) instead of the published
+        ones.
 
-    Raises:
-        InputError: if the directory is not one.
+    Raises
+    ------
+    InputError
+        If the directory is not one.
     """
 
     directory: Path

@@ -17,8 +17,10 @@ __all__ = ["published_part", "read_split"]
 def read_split(path: str | PathLike[str]) -> pl.DataFrame:
     """Read ``split.csv``: principal, gripper, dataset, scene_id, im_id, obj_id, split.
 
-    Raises:
-        FormatError: if a column is missing, or ``split`` holds more than train and test.
+    Raises
+    ------
+    FormatError
+        If a column is missing, or ``split`` holds more than train and test.
     """
     columns = ("principal", "gripper", "dataset", "scene_id", "im_id", "obj_id", "split")
     try:

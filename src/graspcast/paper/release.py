@@ -150,9 +150,12 @@ def _read_split(folder: Path, out: dict[str, _Dataset]) -> None:
 def read_release(release: str | PathLike[str]) -> dict[str, _Dataset]:
     """Read a checkout of the authors' repository.
 
-    Raises:
-        InputError: if it is not one.
-        FormatError: naming the file and line that is not as it should be.
+    Raises
+    ------
+    InputError
+        If it is not one.
+    FormatError
+        Naming the file and line that is not as it should be.
     """
     release = Path(release)
     estimates = release / "Pose-Estimates"
@@ -181,8 +184,10 @@ def read_add_differences(
 ) -> dict[tuple[str, str, int, int, int], float]:
     """The mean ADD to the supporters, metres, by (principal, dataset, scene, image, object).
 
-    Raises:
-        FormatError: naming the file and line that is not as it should be.
+    Raises
+    ------
+    FormatError
+        Naming the file and line that is not as it should be.
     """
     folder = Path(release) / "Train-Grasp-Success-Prediction" / "Data-Split" / "add"
     out = {}
@@ -206,9 +211,12 @@ def import_release(release: str | PathLike[str], out: str | PathLike[str]) -> li
 
     The poses come back from the files with no error at all.
 
-    Raises:
-        InputError: if ``release`` is not a checkout, or ``out`` cannot be written.
-        FormatError: naming the file and line that is not as it should be.
+    Raises
+    ------
+    InputError
+        If ``release`` is not a checkout, or ``out`` cannot be written.
+    FormatError
+        Naming the file and line that is not as it should be.
     """
     return [_write(Path(out), name, data) for name, data in read_release(release).items()]
 

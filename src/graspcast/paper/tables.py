@@ -104,10 +104,13 @@ def baseline_accuracy(
 ) -> dict[CellKey, float]:
     """Test accuracy of the ADD threshold in each cell.
 
-    Args:
-        data: The published data.
-        released: The authors' own mean ADD by (principal, dataset, scene, image, object); by
-            default ADD is computed from the object models.
+    Parameters
+    ----------
+    data
+        The published data.
+    released
+        The authors' own mean ADD by (principal, dataset, scene, image, object); by default ADD is
+        computed from the object models.
     """
     out: dict[CellKey, float] = {}
     for principal, gripper in _pairs():
@@ -187,7 +190,8 @@ def reproduce(
 ) -> dict[str, Any]:
     """Tables I, II and III from the published data.
 
-    Returns:
+    Returns
+    -------
         ``table1.<object>.<estimator>.<gripper>``, ``table2.<dataset>.<estimator>.<measure>``,
         ``table3.<method>.<protocol>.<gripper>``, and ``baseline``, ``majority``, ``seeds``,
         ``seconds``.

@@ -15,7 +15,7 @@ from graspcast.paper.dataset import ESTIMATORS, GRIPPERS, OBJECTS
 from graspcast.paper.tables import paper_tables, table1
 from graspcast.simulation.campaign.requests import KEY_COLUMNS
 from graspcast.simulation.grasps.agreement import agreement
-from graspcast.simulation.grasps.observed_trials import LabelledTrials
+from graspcast.simulation.grasps.observed_trials import ObservedTrials
 from graspcast.simulation.grasps.table import GraspTable
 
 __all__ = ["compare", "render_cells", "render_table1", "summary"]
@@ -24,20 +24,26 @@ _OPEN_RATES = (0.1, 0.9)
 
 
 def compare(
-    trials: LabelledTrials,
+    trials: ObservedTrials,
     outcomes: pl.DataFrame,
     grasps: GraspTable,
     held: Mapping[tuple[str, str], int],
 ) -> dict[str, Any]:
     """Compare a campaign over the published trials with the published outcomes.
 
-    Args:
-        trials: The published trials.
-        outcomes: The campaign's outcomes of them.
-        grasps: The reference grasps that were tried.
-        held: (object, gripper) to how many of 20 jittered perfect estimates were held.
+    Parameters
+    ----------
+    trials
+        The published trials.
+    outcomes
+        The campaign's outcomes of them.
+    grasps
+        The reference grasps that were tried.
+    held
+        (object, gripper) to how many of 20 jittered perfect estimates were held.
 
-    Returns:
+    Returns
+    -------
         ``cells."<object> by <gripper>"`` with the agreement on each part, counts of reasons on the
         report part, and the grasp's own figures; ``table1.<object>.<estimator>.<gripper>``;
         ``summary``.

@@ -55,13 +55,19 @@ def check_estimator(
     detection (``empty``), and refuses an object that it does not know with an error that says so
     (``refuses``). The time that an image takes is stated, not judged (``time``).
 
-    Args:
-        estimator: For example ``built_in("dense")``, or an own one.
-        dataset: Images and cameras.
-        detections: Of some objects that the estimator knows; the images with most are used.
+    Parameters
+    ----------
+    estimator
+        For example ``built_in("dense")``, or an own one.
+    dataset
+        Images and cameras.
+    detections
+        Of some objects that the estimator knows; the images with most are used.
 
-    Raises:
-        InputError: if the detections are of no object that it knows.
+    Raises
+    ------
+    InputError
+        If the detections are of no object that it knows.
     """
     checks: list[Check] = []
     bench = _Bench([])

@@ -27,9 +27,12 @@ MARGIN = 1.2
 class Crop:
     """A square in an image.
 
-    Attributes:
-        u, v: Its middle, pixels; the middle of the image's first pixel is (0, 0).
-        side: Its side, pixels.
+    Attributes
+    ----------
+    u, v
+        Its middle, pixels; the middle of the image's first pixel is (0, 0).
+    side
+        Its side, pixels.
     """
 
     u: float
@@ -53,12 +56,17 @@ class Crop:
     ) -> Float[ndarray, "4 4"]:
         """``cam_T_obj`` from what a network says.
 
-        Args:
-            rotation: Allocentric.
-            site: The origin's place in the crop (2), and the logarithm of its distance along the
-                optical axis in units of focal length times diameter over the crop's side.
-            K: Intrinsics.
-            diameter_m: The object's diameter.
+        Parameters
+        ----------
+        rotation
+            Allocentric.
+        site
+            The origin's place in the crop (2), and the logarithm of its distance along the optical
+            axis in units of focal length times diameter over the crop's side.
+        K
+            Intrinsics.
+        diameter_m
+            The object's diameter.
         """
         u, v = self.to_image(site[:2])
         z = np.exp(site[2]) * K[0, 0] * diameter_m / self.side

@@ -24,10 +24,13 @@ BUILT_IN = ("dense", "direct", "keypoints")
 class Poses:
     """One estimator's poses in one image, in the order of the detections.
 
-    Attributes:
-        cam_T_obj: Rigid transforms in metres, (n, 4, 4). Where nothing was found it is the
-            identity, the placeholder that readers of results drop and count.
-        score: The estimator's own confidence in [0, 1], (n,); 0 where nothing was found.
+    Attributes
+    ----------
+    cam_T_obj
+        Rigid transforms in metres, (n, 4, 4). Where nothing was found it is the identity, the
+        placeholder that readers of results drop and count.
+    score
+        The estimator's own confidence in [0, 1], (n,); 0 where nothing was found.
     """
 
     cam_T_obj: Float[ndarray, "n 4 4"]
@@ -41,9 +44,12 @@ class Poses:
 class Estimator(Protocol):
     """A pose estimator from RGB, given 2D detections.
 
-    Attributes:
-        name: What it is called in results and tables.
-        obj_ids: The objects it has been trained for, by BOP number.
+    Attributes
+    ----------
+    name
+        What it is called in results and tables.
+    obj_ids
+        The objects it has been trained for, by BOP number.
     """
 
     name: str
@@ -54,17 +60,25 @@ class Estimator(Protocol):
     ) -> Poses:
         """The pose of each detected object.
 
-        Args:
-            image: RGB, 0 to 255.
-            K: The camera's intrinsics, pixels; the middle of the first pixel is (0, 0).
-            detections: Those of this image alone; the order carries no meaning.
+        Parameters
+        ----------
+        image
+            RGB, 0 to 255.
+        K
+            The camera's intrinsics, pixels; the middle of the first pixel is (0, 0).
+        detections
+            Those of this image alone; the order carries no meaning.
 
-        Returns:
+        Returns
+        -------
             One pose a detection, in the same order.
 
-        Raises:
-            InputError: for an image of another kind, or a detection that is not in the image.
-            UnknownNameError: for an object that it does not know; the message lists the known.
+        Raises
+        ------
+        InputError
+            For an image of another kind, or a detection that is not in the image.
+        UnknownNameError
+            For an object that it does not know; the message lists the known.
         """
         ...
 
@@ -72,14 +86,20 @@ class Estimator(Protocol):
 def built_in(name: str, weights: str | PathLike[str] | None = None) -> Estimator:
     """One of the estimators that come with graspcast.
 
-    Args:
-        name: ``"dense"``, ``"direct"`` or ``"keypoints"``.
-        weights: An ONNX file that the training script has made; the one that ships, for the
-            objects of the demonstration, if left out.
+    Parameters
+    ----------
+    name
+        ``"dense"``, ``"direct"`` or ``"keypoints"``.
+    weights
+        An ONNX file that the training script has made; the one that ships, for the objects of the
+        demonstration, if left out.
 
-    Raises:
-        UnknownNameError: for another name.
-        FormatError: if the weights cannot be read, or are another estimator's.
+    Raises
+    ------
+    UnknownNameError
+        For another name.
+    FormatError
+        If the weights cannot be read, or are another estimator's.
     """
     from importlib import import_module
 

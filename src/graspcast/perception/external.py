@@ -41,13 +41,19 @@ def command_line(template: str, paths: Mapping[str, Path]) -> list[str]:
     The template is split as a shell would split it and only then filled in, so a path with spaces
     stays one word. No shell runs it: ``|``, ``>`` and ``$NAME`` mean nothing.
 
-    Args:
-        template: For example ``"python infer.py --images {bop} --save {out}"``.
-        paths: What each placeholder stands for; ``out`` is among them.
+    Parameters
+    ----------
+    template
+        For example ``"python infer.py --images {bop} --save {out}"``.
+    paths
+        What each placeholder stands for; ``out`` is among them.
 
-    Raises:
-        InputError: if the template cannot be split, or has no ``{out}``.
-        UnknownNameError: for a placeholder that is not in ``paths``.
+    Raises
+    ------
+    InputError
+        If the template cannot be split, or has no ``{out}``.
+    UnknownNameError
+        For a placeholder that is not in ``paths``.
     """
     try:
         words = shlex.split(template)
@@ -75,14 +81,20 @@ def run_command(
     When it returns or raises, whatever the reason (Ctrl-C too), the command has ended and so have
     the processes that it left in its group.
 
-    Args:
-        command: The program and its arguments.
-        timeout_s: After so many seconds it is ended.
-        say: Takes each line that it prints; called from other threads.
+    Parameters
+    ----------
+    command
+        The program and its arguments.
+    timeout_s
+        After so many seconds it is ended.
+    say
+        Takes each line that it prints; called from other threads.
 
-    Raises:
-        EstimatorFailedError: if it cannot be started, takes too long, or its exit code is not 0;
-            with the last lines of its standard error.
+    Raises
+    ------
+    EstimatorFailedError
+        If it cannot be started, takes too long, or its exit code is not 0; with the last lines of
+        its standard error.
     """
     own_group: dict[str, Any] = {"start_new_session": True}
     if sys.platform == "win32":

@@ -33,11 +33,16 @@ _LARGEST = 8
 class TrainedObject:
     """What a network has to know of an object that it was trained for; metres, object frame.
 
-    Attributes:
-        obj_id: Its BOP number.
-        diameter_m: The largest distance between two of its points.
-        lower, size: Its bounding box.
-        keypoints: On its surface, (k, 3).
+    Attributes
+    ----------
+    obj_id
+        Its BOP number.
+    diameter_m
+        The largest distance between two of its points.
+    lower, size
+        Its bounding box.
+    keypoints
+        On its surface, (k, 3).
     """
 
     obj_id: int
@@ -50,16 +55,24 @@ class TrainedObject:
 class Network:
     """A trained network.
 
-    Args:
-        family: The estimator that it should be for.
-        path: The ONNX file; the one that ships if left out.
+    Parameters
+    ----------
+    family
+        The estimator that it should be for.
+    path
+        The ONNX file; the one that ships if left out.
 
-    Attributes:
-        objects: By BOP number, in the order of training.
-        made: What the training recorded: versions, configuration, seeds.
+    Attributes
+    ----------
+    objects
+        By BOP number, in the order of training.
+    made
+        What the training recorded: versions, configuration, seeds.
 
-    Raises:
-        FormatError: if the file is not there, is no network, or another estimator's.
+    Raises
+    ------
+    FormatError
+        If the file is not there, is no network, or another estimator's.
     """
 
     def __init__(self, family: str, path: str | PathLike[str] | None = None):
@@ -131,8 +144,10 @@ def _trained(entry: Mapping[str, Any]) -> TrainedObject:
 class CropEstimator(ABC):
     """An estimator that looks at one detection at a time: a crop, a network, a pose.
 
-    Args:
-        weights: An ONNX file; the one that ships if left out.
+    Parameters
+    ----------
+    weights
+        An ONNX file; the one that ships if left out.
     """
 
     name: ClassVar[str]

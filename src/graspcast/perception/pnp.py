@@ -22,11 +22,16 @@ def pose_from_points(
     PoseLib's RANSAC (Larsson, 2020), which is seeded, then its refinement by the robust
     reprojection error of all that agree.
 
-    Args:
-        pixels: Where each point is seen.
-        points: The points in the object's frame, metres; at least four.
-        K: Intrinsics.
-        threshold_px: How far a point may be seen from where the pose puts it.
+    Parameters
+    ----------
+    pixels
+        Where each point is seen.
+    points
+        The points in the object's frame, metres; at least four.
+    K
+        Intrinsics.
+    threshold_px
+        How far a point may be seen from where the pose puts it.
     """
     import poselib
 

@@ -41,21 +41,33 @@ def run_estimator(
     detector's are not in it. Images without detections are not looked at; detections for which
     nothing is found have no row.
 
-    Args:
-        estimator: One of our own, or any that keeps to the protocol.
-        dataset: Whose images are read.
-        detections: What to look at.
-        out: Where the results are to be.
-        lenient: Leave out detections of objects that the estimator does not know, and count them.
-        progress: Takes the share of images done and the image that comes next.
+    Parameters
+    ----------
+    estimator
+        One of our own, or any that keeps to the protocol.
+    dataset
+        Whose images are read.
+    detections
+        What to look at.
+    out
+        Where the results are to be.
+    lenient
+        Leave out detections of objects that the estimator does not know, and count them.
+    progress
+        Takes the share of images done and the image that comes next.
 
-    Returns:
+    Returns
+    -------
         The results that now are at ``out``.
 
-    Raises:
-        UnknownNameError: for a detected object that the estimator does not know.
-        InputError: if an image cannot be read, or ``out`` cannot be written.
-        FormatError: if what the estimator returns are no poses.
+    Raises
+    ------
+    UnknownNameError
+        For a detected object that the estimator does not know.
+    InputError
+        If an image cannot be read, or ``out`` cannot be written.
+    FormatError
+        If what the estimator returns are no poses.
     """
     known = np.isin(detections.obj_id, estimator.obj_ids)
     if not known.all() and not lenient:
@@ -107,26 +119,37 @@ def run_external(
     The command writes beside ``out``, to a directory that is removed in any case. Only what has
     passed the checks of any results CSV is written to ``out``; the poses are the very same.
 
-    Args:
-        template: The command, with ``{out}`` and, where it needs them, ``{bop}`` and
-            ``{detections}``, filled in as absolute paths; see
-            :func:`graspcast.perception.external.command_line`. Poses in an image without
-            detections are refused if it is given the detections.
-        dataset: Whose images it is to look at.
-        detections: As read from a file.
-        out: Where the results are to be.
-        timeout_s: The command is ended after so many seconds.
-        lenient: Leave out rows that are wrong, and count them.
-        say: Takes each line that the command prints.
+    Parameters
+    ----------
+    template
+        The command, with ``{out}`` and, where it needs them, ``{bop}`` and ``{detections}``, filled
+        in as absolute paths; see :func:`graspcast.perception.external.command_line`. Poses in an
+        image without detections are refused if it is given the detections.
+    dataset
+        Whose images it is to look at.
+    detections
+        As read from a file.
+    out
+        Where the results are to be.
+    timeout_s
+        The command is ended after so many seconds.
+    lenient
+        Leave out rows that are wrong, and count them.
+    say
+        Takes each line that the command prints.
 
-    Returns:
+    Returns
+    -------
         The results that now are at ``out``.
 
-    Raises:
-        InputError: for a template that is no command, or an ``out`` that cannot be written.
-        EstimatorFailedError: if the command cannot be started, fails, takes too long, or writes no
-            file.
-        FormatError: if its file is no results CSV of these images and objects.
+    Raises
+    ------
+    InputError
+        For a template that is no command, or an ``out`` that cannot be written.
+    EstimatorFailedError
+        If the command cannot be started, fails, takes too long, or writes no file.
+    FormatError
+        If its file is no results CSV of these images and objects.
     """
     with _aside(Path(out)) as written:
         paths = {

@@ -1,1 +1,1 @@
-"""TODO pose."""
+"""Rigid transforms, the viewing-ray frame, and pose-error metrics."""

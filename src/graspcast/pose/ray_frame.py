@@ -46,7 +46,8 @@ def relative(
 ) -> Float[ndarray, "*batch 6"]:
     """Another pose of the same object in this one's ray frame.
 
-    Returns:
+    Returns
+    -------
         The origins' difference over the distance (3, no unit; the third is along the ray), and the
         rotation vector that turns this pose into the other (3, radians).
     """
@@ -85,12 +86,17 @@ def error_along(
 ) -> Float[ndarray, "*batch 4 4"]:
     """``obj_T_est``, the error of an estimate, from where the truth lies in its ray frame.
 
-    Args:
-        axes: :func:`obj_R_ray` of the estimate.
-        distance: From the camera to the estimate's origin, metres.
-        truth: :func:`relative` of the estimate and the true pose.
+    Parameters
+    ----------
+    axes
+        :func:`obj_R_ray` of the estimate.
+    distance
+        From the camera to the estimate's origin, metres.
+    truth
+        :func:`relative` of the estimate and the true pose.
 
-    Returns:
+    Returns
+    -------
         ``inv(cam_T_true) @ cam_T_est``; the camera has dropped out.
     """
     # A = obj_R_ray, D = exp(turn), shift s: R = A Dᵀ Aᵀ, and the origin is at -distance A Dᵀ s.

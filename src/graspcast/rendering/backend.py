@@ -31,8 +31,10 @@ class Drawer(Protocol):
 def open_drawer(model: Any, width: int, height: int) -> Drawer:
     """A drawer for scenes of a model (``MjModel``).
 
-    Raises:
-        InputError: if ``MUJOCO_GL`` names no backend.
+    Raises
+    ------
+    InputError
+        If ``MUJOCO_GL`` names no backend.
     """
     if why_software() is None:
         from graspcast.rendering.opengl import OpenGLDrawer
@@ -46,8 +48,10 @@ def open_drawer(model: Any, width: int, height: int) -> Drawer:
 def why_software() -> str | None:
     """Why there is no drawing by OpenGL here, and how to get it; None where there is.
 
-    Raises:
-        InputError: if ``MUJOCO_GL`` names no backend.
+    Raises
+    ------
+    InputError
+        If ``MUJOCO_GL`` names no backend.
     """
     return _tried(os.environ.get("MUJOCO_GL", ""))
 

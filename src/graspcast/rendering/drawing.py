@@ -49,8 +49,10 @@ def width_of(text: str, size: int) -> float:
 def save_png(path: str | PathLike[str], image: Image) -> None:
     """Write a picture as PNG, whole or not at all.
 
-    Raises:
-        InputError: if the file cannot be written.
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
     """
     with atomic_write(path) as temporary:
         image.save(temporary, format="PNG")

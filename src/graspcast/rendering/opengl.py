@@ -18,9 +18,12 @@ class OpenGLDrawer:
 
     Use it in one thread. The model's ``vis.global_`` states the largest picture.
 
-    Raises:
-        ExtraMissingError: if PyOpenGL is not installed.
-        InputError: if there is no OpenGL to draw with.
+    Raises
+    ------
+    ExtraMissingError
+        If PyOpenGL is not installed.
+    InputError
+        If there is no OpenGL to draw with.
     """
 
     def __init__(self, model: Any, width: int, height: int):

@@ -42,8 +42,10 @@ def import_mujoco() -> None:
 def backend() -> str:
     """On Linux what ``MUJOCO_GL`` says, or EGL; elsewhere ``""``, where MuJoCo has its own.
 
-    Raises:
-        InputError: if ``MUJOCO_GL`` names no backend.
+    Raises
+    ------
+    InputError
+        If ``MUJOCO_GL`` names no backend.
     """
     if platform.system() != "Linux":
         return ""
@@ -59,9 +61,12 @@ def backend() -> str:
 def open_context(width: int, height: int) -> Any:
     """An OpenGL context that is current: by EGL, which needs no display, or by ``MUJOCO_GL``.
 
-    Raises:
-        ExtraMissingError: if PyOpenGL is not installed, or GLFW where it is needed.
-        InputError: if there is no OpenGL to draw with; the message says what to install.
+    Raises
+    ------
+    ExtraMissingError
+        If PyOpenGL is not installed, or GLFW where it is needed.
+    InputError
+        If there is no OpenGL to draw with; the message says what to install.
     """
     name = backend()
     try:

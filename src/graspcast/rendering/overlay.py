@@ -30,12 +30,18 @@ def draw_overlay(
 ) -> UInt8[ndarray, "size size 3"]:
     """A square cut out of an image about an object: its true pose solid, the estimate green.
 
-    Args:
-        image, K: The image and its camera's intrinsics, pixels.
-        mesh, colours: The object, and the RGB of each vertex.
-        cam_T_est: The estimate, laid over everything, with an outline.
-        cam_T_true: The true pose, where it is known.
-        size: Pixels on a side of what comes out.
+    Parameters
+    ----------
+    image, K
+        The image and its camera's intrinsics, pixels.
+    mesh, colours
+        The object, and the RGB of each vertex.
+    cam_T_est
+        The estimate, laid over everything, with an outline.
+    cam_T_true
+        The true pose, where it is known.
+    size
+        Pixels on a side of what comes out.
     """
     poses = [cam_T_est] if cam_T_true is None else [cam_T_est, cam_T_true]
     seen = [transform_points(pose, mesh.vertices) for pose in poses]

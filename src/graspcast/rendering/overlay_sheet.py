@@ -33,14 +33,20 @@ _COLUMNS = 4
 class Overlay:
     """One estimate on its image.
 
-    Attributes:
-        object: For example ``"lmo-5"``.
-        scene_id, im_id: The image.
-        estimator: Whose estimate it is.
-        pixels: The picture; None if the estimator has no estimate of the instance.
-        rotation_deg, translation_mm: How far off the estimate is, symmetries taken into account;
-            None without a ground truth.
-        verdicts: What was decided on it, for each gripper.
+    Attributes
+    ----------
+    object
+        For example ``"lmo-5"``.
+    scene_id, im_id
+        The image.
+    estimator
+        Whose estimate it is.
+    pixels
+        The picture; None if the estimator has no estimate of the instance.
+    rotation_deg, translation_mm
+        How far off the estimate is, symmetries taken into account; None without a ground truth.
+    verdicts
+        What was decided on it, for each gripper.
     """
 
     object: str
@@ -66,16 +72,25 @@ def overlays(
     The first estimator's detections of an object, by decreasing score, are its instances; the
     others' are assigned to them as in :func:`graspcast.estimates.alignment.align`.
 
-    Args:
-        dataset: Images, cameras, models, and ground truth if there is one.
-        results: Estimator's name to its results of the wanted objects.
-        images: (scene, image).
-        verdicts: On the first estimator's estimates, all instances in order.
-        size: Pixels on a side of a picture.
+    Parameters
+    ----------
+    dataset
+        Images, cameras, models, and ground truth if there is one.
+    results
+        Estimator's name to its results of the wanted objects.
+    images
+        (scene, image).
+    verdicts
+        On the first estimator's estimates, all instances in order.
+    size
+        Pixels on a side of a picture.
 
-    Raises:
-        InputError: for an image without an estimate, or an estimate without its verdict.
-        FormatError: for an image or a mesh that cannot be read.
+    Raises
+    ------
+    InputError
+        For an image without an estimate, or an estimate without its verdict.
+    FormatError
+        For an image or a mesh that cannot be read.
     """
     return _Drawing(dataset, results, verdicts, size).of(images)
 

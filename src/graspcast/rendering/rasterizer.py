@@ -19,10 +19,14 @@ _CREASE = np.cos(np.radians(40.0))
 class Lighting:
     """Light from everywhere, and from afar.
 
-    Attributes:
-        ambient: Strength of what comes from everywhere.
-        directions: Unit vectors along which the rest falls, in the camera's frame, (n, 3).
-        strengths: Of each, (n,).
+    Attributes
+    ----------
+    ambient
+        Strength of what comes from everywhere.
+    directions
+        Unit vectors along which the rest falls, in the camera's frame, (n, 3).
+    strengths
+        Of each, (n,).
     """
 
     ambient: float
@@ -45,18 +49,27 @@ class Canvas:
     Each pixel is an average of ``supersample`` by ``supersample`` samples. Points are in the
     camera's frame (x right, y down, z forward), metres; colours are 0 to 1.
 
-    Args:
-        K: Intrinsics in pixels; the middle of the first pixel is (0, 0).
-        background: A picture, or one colour.
-        width, height: Pixels.
-        supersample: Samples on a side of a pixel.
-        near: What is nearer to the camera's plane than this is not drawn, metres.
+    Parameters
+    ----------
+    K
+        Intrinsics in pixels; the middle of the first pixel is (0, 0).
+    background
+        A picture, or one colour.
+    width, height
+        Pixels.
+    supersample
+        Samples on a side of a pixel.
+    near
+        What is nearer to the camera's plane than this is not drawn, metres.
 
-    Attributes:
-        K, width, height, supersample: As given.
-        colour: RGB of each sample, (h s, w s, 3).
-        inverse_depth: One over the depth of each sample, zero where there is only the background;
-            (h s, w s).
+    Attributes
+    ----------
+    K, width, height, supersample
+        As given.
+    colour
+        RGB of each sample, (h s, w s, 3).
+    inverse_depth
+        One over the depth of each sample, zero where there is only the background; (h s, w s).
     """
 
     def __init__(
@@ -93,14 +106,19 @@ class Canvas:
     ) -> None:
         """Draw a mesh; both sides of its triangles are seen.
 
-        Args:
-            vertices, faces: The mesh.
-            colours: Of each vertex, or one.
-            alpha: Below 1 it is translucent: of its surfaces the nearest is laid over whatever
-                opaque stands behind it, whichever was drawn first.
-            lighting: In which it is seen.
-            normals: Unit vectors at the corners of each triangle; by default
-                :func:`corner_normals`.
+        Parameters
+        ----------
+        vertices, faces
+            The mesh.
+        colours
+            Of each vertex, or one.
+        alpha
+            Below 1 it is translucent: of its surfaces the nearest is laid over whatever opaque
+            stands behind it, whichever was drawn first.
+        lighting
+            In which it is seen.
+        normals
+            Unit vectors at the corners of each triangle; by default :func:`corner_normals`.
         """
         corners = np.ascontiguousarray(vertices[faces], dtype=np.float64)
         if normals is None:
@@ -196,12 +214,18 @@ def _fill(corners, colours, K, rays, farthest, colour, depth):
     and their sum is one over the depth (Olano & Greer, *Triangle Scan Conversion using 2D
     Homogeneous Coordinates*, 1997). So nothing is to be clipped.
 
-    Args:
-        corners: (f, 3, 3), camera frame.
-        colours: Of the corners, (f, 3, 3).
-        K, rays: Intrinsics and their inverse.
-        farthest: One over the least depth.
-        colour, depth: Buffers, (h, w, 3) and (h, w); depth is inverse.
+    Parameters
+    ----------
+    corners
+        (f, 3, 3), camera frame.
+    colours
+        Of the corners, (f, 3, 3).
+    K, rays
+        Intrinsics and their inverse.
+    farthest
+        One over the least depth.
+    colour, depth
+        Buffers, (h, w, 3) and (h, w); depth is inverse.
     """
     height, width = depth.shape
     planes = np.empty((3, 3))

@@ -1,1 +1,1 @@
-"""TODO simulation."""
+"""Grasp trials in MuJoCo."""

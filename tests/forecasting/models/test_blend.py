@@ -17,7 +17,7 @@ from graspcast.forecasting.features import features_of
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.blend import Blend, ForestSettings, _calibrate
 from graspcast.forecasting.train import train_forecaster
-from graspcast.forecasting.training_data import ErrorOutcomes, Lessons
+from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
 from poses import write_models
 
 QUICK = ForestSettings(trees=24, draws=32, folds=3)
@@ -29,15 +29,15 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Models]:
     return {"d": Models(folder)}
 
 
-def learned(n: int = 160, **changes: object) -> Lessons:
+def learned(n: int = 160, **changes: object) -> TrainingData:
     """Lessons in which object 2 has no outcomes but simulated trials."""
-    given = synthetic.lessons(n)
+    given = synthetic.training_data(n)
     success = np.where(given.estimates.obj_id == 1, given.success, np.nan)
     simulated = synthetic.error_outcomes(300, "d-2")
     return dataclasses.replace(given, success=success, simulated=simulated, **changes)
 
 
-def trained(given: Lessons, models: dict[str, Models], **options: object) -> Forecaster:
+def trained(given: TrainingData, models: dict[str, Models], **options: object) -> Forecaster:
     forests = dataclasses.replace(QUICK, **options)
     return train_forecaster(given, forests=forests, models=models)
 
@@ -53,7 +53,7 @@ def blend_of(forecaster: Forecaster) -> Blend:
 
 
 def rows_of(models: dict[str, Models], n: int = 60) -> np.ndarray:
-    unseen = synthetic.lessons(n, seed=40).estimates
+    unseen = synthetic.training_data(n, seed=40).estimates
     return features_of(unseen, "a", "full", models).values
 
 
@@ -80,7 +80,7 @@ def test_an_object_with_only_simulated_trials_is_answered_by_two_stages_alone(
 def test_an_object_known_by_simulation_alone_is_forecast_better_than_by_its_rate(
     forecaster: Forecaster, models: dict[str, Models]
 ) -> None:
-    unseen = synthetic.lessons(200, seed=41)
+    unseen = synthetic.training_data(200, seed=41)
     mine = unseen.estimates.obj_id == 2
     found = forecaster.probability(unseen.estimates.select(mine), models)
     held = unseen.success[0, mine] == 1
@@ -101,10 +101,10 @@ def test_an_unseen_object_is_answered_by_the_direct_forest(
 def test_without_truth_there_is_the_direct_forest_and_without_anything_an_error(
     models: dict[str, Models],
 ) -> None:
-    without = synthetic.lessons(80)
+    without = synthetic.training_data(80)
     without = dataclasses.replace(without, truth=np.full((80, 4, 4), np.nan))
     blend = blend_of(trained(without, models, folds=0))
-    assert blend.survival is None
+    assert blend.success_given_error is None
     assert blend.direct is not None
     with pytest.raises(InputError, match="need ground truth of some images"):
         train_forecaster(without, method="two-stage", forests=QUICK, models=models)
@@ -128,7 +128,7 @@ def test_the_batch_makes_no_difference_bit_by_bit(
 def test_training_again_is_the_same_bit_by_bit_and_another_seed_is_not(
     forecaster: Forecaster, models: dict[str, Models]
 ) -> None:
-    unseen = synthetic.lessons(40, seed=9).estimates
+    unseen = synthetic.training_data(40, seed=9).estimates
     expected = forecaster.probability(unseen, models)
     assert_array_equal(trained(learned(), models).probability(unseen, models), expected)
     other = trained(learned(), models, seed=1).probability(unseen, models)
@@ -142,13 +142,13 @@ def test_simulated_trials_of_what_was_tried_and_of_what_nobody_asked_for_do_not_
     assert given.simulated is not None
     more = synthetic.error_outcomes(200, "d-1", seed=3)
     for flip in (False, True):
-        both = ErrorOutcomes(
+        both = SimulatedTrials(
             np.concatenate([given.simulated.objects, more.objects]),
             np.concatenate([given.simulated.obj_T_est, more.obj_T_est]),
             np.concatenate([given.simulated.success, more.success ^ flip]),
         )
         again = trained(dataclasses.replace(given, simulated=both), models)
-        unseen = synthetic.lessons(40, seed=9).estimates
+        unseen = synthetic.training_data(40, seed=9).estimates
         expected = forecaster.probability(unseen, models)
         # (outcomes of d-1 in every fold's training part outweigh its simulated trials)
         assert_array_equal(again.probability(unseen, models), expected)
@@ -157,7 +157,7 @@ def test_simulated_trials_of_what_was_tried_and_of_what_nobody_asked_for_do_not_
 def test_outcomes_of_instances_that_were_not_selected_do_not_matter(
     models: dict[str, Models],
 ) -> None:
-    given = synthetic.lessons(120)
+    given = synthetic.training_data(120)
     kept = np.arange(120) < 80
     flipped = np.where(kept, given.success, 1 - given.success)
     assert (flipped != given.success).any()
@@ -223,13 +223,13 @@ def test_it_comes_back_from_its_file_bit_by_bit(
     made = train_forecaster(learned(100), method=method, forests=QUICK, models=models)
     made.save(tmp_path / "model.npz")
     again = Forecaster.load(tmp_path / "model.npz")
-    unseen = synthetic.lessons(40, seed=9).estimates
+    unseen = synthetic.training_data(40, seed=9).estimates
     mine = unseen.select(np.isin(unseen.objects, made.card.objects))
     assert_array_equal(again.probability(mine, models), made.probability(mine, models))
     assert_array_equal(again.p_value(mine), made.p_value(mine))
     assert again.explain(mine, models) == made.explain(mine, models)
     assert (again.card, again.card.digest) == (made.card, made.card.digest)
-    assert [made.predictor.direct is None, made.predictor.survival is None] == [  # type: ignore[union-attr]
+    assert [made.predictor.direct is None, made.predictor.success_given_error is None] == [  # type: ignore[union-attr]
         method == "two-stage",
         method == "direct",
     ]

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import synthetic
 from graspcast.forecasting.models.forest import Forest
-from graspcast.forecasting.models.two_stage import ErrorModel, Survival, expected_survival
+from graspcast.forecasting.models.two_stage import ErrorModel, SuccessGivenError, expected_success
 from graspcast.pose.ray_frame import error_along, obj_R_ray, relative
 from poses import nudged, random_poses
 
@@ -19,7 +19,7 @@ N, TREES, DRAWS = 90, 9, 30
 
 
 @pytest.fixture(scope="module")
-def stages() -> tuple[ErrorModel, Survival, np.ndarray, np.ndarray]:
+def stages() -> tuple[ErrorModel, SuccessGivenError, np.ndarray, np.ndarray]:
     """Both stages, and what the first has learned from: features, and where the truth lay."""
     rng = np.random.default_rng(0)
     true = random_poses(N, 0)
@@ -34,8 +34,10 @@ def stages() -> tuple[ErrorModel, Survival, np.ndarray, np.ndarray]:
     numbers = np.arange(400) % 2
     # The second object forgives what the first does not.
     success = synthetic.holds(trials) ^ (numbers == 1)
-    survival = Survival.fit(trials, numbers, success, objects=2, trees=TREES, seed=0)
-    return errors, survival, features, truth
+    success_given_error = SuccessGivenError.fit(
+        trials, numbers, success, objects=2, trees=TREES, seed=0
+    )
+    return errors, success_given_error, features, truth
 
 
 def asked(n: int = 20) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -57,12 +59,12 @@ def leaf_value(forest: Forest, tree: int, row: np.ndarray) -> float:
 
 @pytest.mark.parametrize("judges", [1, 4, TREES])
 def test_the_average_is_that_of_a_plain_loop(
-    stages: tuple[ErrorModel, Survival, np.ndarray, np.ndarray], judges: int
+    stages: tuple[ErrorModel, SuccessGivenError, np.ndarray, np.ndarray], judges: int
 ) -> None:
-    errors, survival, _, _ = stages
+    errors, success_given_error, _, _ = stages
     features, axes, distance, numbers = asked()
-    found = expected_survival(
-        errors, survival, features, axes, distance, numbers, draws=DRAWS, trees=judges
+    found = expected_success(
+        errors, success_given_error, features, axes, distance, numbers, draws=DRAWS, trees=judges
     )
     drawn = errors.draws(features, DRAWS)
     for i in range(len(features)):
@@ -75,23 +77,23 @@ def test_the_average_is_that_of_a_plain_loop(
             # Every tree judges every so-manieth draw.
             stride = TREES // judges
             for tree in range(d % stride, TREES, stride):
-                total += leaf_value(survival.forest, tree, row)
+                total += leaf_value(success_given_error.forest, tree, row)
                 count += 1
         # One judgement may fall on a threshold's other side by rounding.
         assert found[i] == pytest.approx(total / count, abs=1.01 / count)
 
 
 def test_with_all_judges_it_is_the_mean_over_draws_of_the_second_stage(
-    stages: tuple[ErrorModel, Survival, np.ndarray, np.ndarray],
+    stages: tuple[ErrorModel, SuccessGivenError, np.ndarray, np.ndarray],
 ) -> None:
-    errors, survival, _, _ = stages
+    errors, success_given_error, _, _ = stages
     features, axes, distance, numbers = asked(60)
-    found = expected_survival(
-        errors, survival, features, axes, distance, numbers, draws=DRAWS, trees=10**6
+    found = expected_success(
+        errors, success_given_error, features, axes, distance, numbers, draws=DRAWS, trees=10**6
     )
     drawn = errors.draws(features, DRAWS)
     guided = error_along(axes[:, None], distance[:, None], drawn)
-    each = survival.probability(guided.reshape(-1, 4, 4), np.repeat(numbers, DRAWS))
+    each = success_given_error.probability(guided.reshape(-1, 4, 4), np.repeat(numbers, DRAWS))
     expected = each.reshape(-1, DRAWS).mean(axis=1)
     assert np.mean(np.abs(found - expected) < 1e-6) > 0.95
     assert_allclose(found, expected, atol=0.05)
@@ -99,7 +101,7 @@ def test_with_all_judges_it_is_the_mean_over_draws_of_the_second_stage(
 
 
 def test_draws_are_truths_of_instances_in_the_same_leaf(
-    stages: tuple[ErrorModel, Survival, np.ndarray, np.ndarray],
+    stages: tuple[ErrorModel, SuccessGivenError, np.ndarray, np.ndarray],
 ) -> None:
     errors, _, trained, truth = stages
     features = asked(40)[0]
@@ -114,7 +116,7 @@ def test_draws_are_truths_of_instances_in_the_same_leaf(
 
 
 def test_leaves_hold_every_training_instance_once_a_tree(
-    stages: tuple[ErrorModel, Survival, np.ndarray, np.ndarray],
+    stages: tuple[ErrorModel, SuccessGivenError, np.ndarray, np.ndarray],
 ) -> None:
     errors = stages[0]
     assert len(errors.members) == N * TREES
@@ -125,7 +127,7 @@ def test_leaves_hold_every_training_instance_once_a_tree(
 
 
 def test_larger_disagreement_draws_larger_errors(
-    stages: tuple[ErrorModel, Survival, np.ndarray, np.ndarray],
+    stages: tuple[ErrorModel, SuccessGivenError, np.ndarray, np.ndarray],
 ) -> None:
     errors = stages[0]
     small, large = np.zeros((1, 5)), np.zeros((1, 5))
@@ -135,33 +137,37 @@ def test_larger_disagreement_draws_larger_errors(
 
 
 def test_a_row_alone_and_among_others_bit_by_bit(
-    stages: tuple[ErrorModel, Survival, np.ndarray, np.ndarray],
+    stages: tuple[ErrorModel, SuccessGivenError, np.ndarray, np.ndarray],
 ) -> None:
-    errors, survival, _, _ = stages
+    errors, success_given_error, _, _ = stages
     rows = asked(30)
-    together = expected_survival(errors, survival, *rows, draws=DRAWS)
+    together = expected_success(errors, success_given_error, *rows, draws=DRAWS)
     order = np.random.default_rng(0).permutation(30)
-    mixed = expected_survival(errors, survival, *(part[order] for part in rows), draws=DRAWS)
+    mixed = expected_success(
+        errors, success_given_error, *(part[order] for part in rows), draws=DRAWS
+    )
     assert_array_equal(mixed, together[order])
     for i in (0, 13, 29):
-        alone = expected_survival(errors, survival, *(p[i : i + 1] for p in rows), draws=DRAWS)
+        alone = expected_success(
+            errors, success_given_error, *(p[i : i + 1] for p in rows), draws=DRAWS
+        )
         assert alone[0] == together[i]
     assert_array_equal(errors.draws(rows[0], 5)[3], errors.draws(rows[0][3:4], 5)[0])
 
 
 def test_the_second_stage_tells_objects_apart(
-    stages: tuple[ErrorModel, Survival, np.ndarray, np.ndarray],
+    stages: tuple[ErrorModel, SuccessGivenError, np.ndarray, np.ndarray],
 ) -> None:
-    survival = stages[1]
+    success_given_error = stages[1]
     trials = nudged(np.tile(np.eye(4), (200, 1, 1)), 50, metres=0.03, radians=0.3)
     held = synthetic.holds(trials)
     for number, expected in ((0, held), (1, ~held)):
-        found = survival.probability(trials, np.full(200, number)) > 0.5
+        found = success_given_error.probability(trials, np.full(200, number)) > 0.5
         assert np.mean(found == expected) > 0.85
 
 
 def test_arrays_there_and_back(
-    stages: tuple[ErrorModel, Survival, np.ndarray, np.ndarray],
+    stages: tuple[ErrorModel, SuccessGivenError, np.ndarray, np.ndarray],
 ) -> None:
     errors = stages[0]
     again = ErrorModel.from_arrays(errors.to_arrays("e"), "e")

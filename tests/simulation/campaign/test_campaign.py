@@ -27,7 +27,7 @@ from graspcast.errors import (
 )
 from graspcast.simulation.campaign.campaign import Progress, run_campaign
 from graspcast.simulation.campaign.executors import LocalExecutor, usable_cores
-from graspcast.simulation.campaign.jobs import Pair, load_pairs
+from graspcast.simulation.campaign.jobs import TrialSetup, load_setups
 from graspcast.simulation.campaign.requests import KEY_COLUMNS, TrialRequests
 from graspcast.simulation.campaign.store import COLUMNS, Store
 from graspcast.simulation.grasps.table import read_grasps
@@ -64,14 +64,14 @@ def requests() -> TrialRequests:
 
 
 @pytest.fixture(scope="module")
-def pairs(requests: TrialRequests) -> dict[tuple[str, str], Pair]:
-    return load_pairs(requests, read_grasps())
+def pairs(requests: TrialRequests) -> dict[tuple[str, str], TrialSetup]:
+    return load_setups(requests, read_grasps())
 
 
 @pytest.fixture(scope="module")
 def complete(
     requests: TrialRequests,
-    pairs: dict[tuple[str, str], Pair],
+    pairs: dict[tuple[str, str], TrialSetup],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
     directory = tmp_path_factory.mktemp("campaigns") / "complete"
@@ -80,7 +80,7 @@ def complete(
 
 
 def test_outcomes_are_those_of_the_trials_run_one_by_one(
-    complete: Path, requests: TrialRequests, pairs: dict[tuple[str, str], Pair]
+    complete: Path, requests: TrialRequests, pairs: dict[tuple[str, str], TrialSetup]
 ) -> None:
     outcomes = Store(complete).outcomes()
     assert dict(outcomes.schema) == COLUMNS
@@ -94,7 +94,7 @@ def test_outcomes_are_those_of_the_trials_run_one_by_one(
 
 
 def test_a_complete_campaign_is_four_files_and_is_not_run_again(
-    complete: Path, requests: TrialRequests, pairs: dict[tuple[str, str], Pair]
+    complete: Path, requests: TrialRequests, pairs: dict[tuple[str, str], TrialSetup]
 ) -> None:
     assert {p.name for p in complete.glob("[!.]*")} == {
         "manifest.json",
@@ -109,7 +109,7 @@ def test_a_complete_campaign_is_four_files_and_is_not_run_again(
 def test_order_does_not_matter(
     complete: Path,
     requests: TrialRequests,
-    pairs: dict[tuple[str, str], Pair],
+    pairs: dict[tuple[str, str], TrialSetup],
     tmp_path: Path,
 ) -> None:
     shuffled = requests.select(np.random.default_rng(0).permutation(len(requests)))
@@ -125,7 +125,7 @@ def test_order_does_not_matter(
 def test_two_workers_give_the_same(
     complete: Path,
     requests: TrialRequests,
-    pairs: dict[tuple[str, str], Pair],
+    pairs: dict[tuple[str, str], TrialSetup],
     tmp_path: Path,
 ) -> None:
     outcomes = run_campaign(requests, pairs, tmp_path / "out", executor=LocalExecutor(2))
@@ -221,7 +221,7 @@ def test_a_full_disk_is_a_clear_message_and_a_state_to_go_on_from(tmp_path: Path
 
 
 def test_a_directory_that_cannot_be_written(
-    requests: TrialRequests, pairs: dict[tuple[str, str], Pair], tmp_path: Path
+    requests: TrialRequests, pairs: dict[tuple[str, str], TrialSetup], tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
@@ -232,17 +232,17 @@ def test_a_directory_that_cannot_be_written(
 def test_another_configuration_refuses_to_mix(
     complete: Path,
     requests: TrialRequests,
-    pairs: dict[tuple[str, str], Pair],
+    pairs: dict[tuple[str, str], TrialSetup],
     change: str,
 ) -> None:
     before = {p.name: p.read_bytes() for p in complete.glob("[!.]*")}
     pair = pairs["ycbv-4", "parallel"]
     named = "ycbv-4 by parallel"
     if change == "settings":
-        pair = Pair(pair.grasp_object, pair.gripper, pair.grasp, TrialSettings(lift_s=14.0))
+        pair = TrialSetup(pair.grasp_object, pair.gripper, pair.grasp, TrialSettings(lift_s=14.0))
     elif change == "friction":
         slippery = replace(pair.grasp_object, friction=0.2)
-        pair = Pair(slippery, pair.gripper, pair.grasp, pair.settings)
+        pair = TrialSetup(slippery, pair.gripper, pair.grasp, pair.settings)
     elif change == "poses":
         named = "estimates of epos on ycbv"
         moved = requests.obj_T_est.copy()
@@ -257,7 +257,7 @@ def test_another_configuration_refuses_to_mix(
 
 
 def test_a_directory_with_other_files_is_left_alone(
-    requests: TrialRequests, pairs: dict[tuple[str, str], Pair], tmp_path: Path
+    requests: TrialRequests, pairs: dict[tuple[str, str], TrialSetup], tmp_path: Path
 ) -> None:
     (tmp_path / "thesis.tex").write_text("")
     with pytest.raises(InputError, match="holds files but no campaign"):
@@ -267,7 +267,7 @@ def test_a_directory_with_other_files_is_left_alone(
 
 
 def test_two_processes_cannot_share_a_directory(
-    complete: Path, requests: TrialRequests, pairs: dict[tuple[str, str], Pair]
+    complete: Path, requests: TrialRequests, pairs: dict[tuple[str, str], TrialSetup]
 ) -> None:
     with (
         Store(complete).lock(),
@@ -315,7 +315,7 @@ def test_a_damaged_shard_is_named_and_the_rest_stays(complete: Path, tmp_path: P
 
 
 def test_progress_is_told(
-    requests: TrialRequests, pairs: dict[tuple[str, str], Pair], tmp_path: Path
+    requests: TrialRequests, pairs: dict[tuple[str, str], TrialSetup], tmp_path: Path
 ) -> None:
     told: list[Progress] = []
 
@@ -367,7 +367,7 @@ def test_requests_that_are_wrong(requests: TrialRequests) -> None:
 def test_an_object_without_a_grasp(requests: TrialRequests) -> None:
     keys = _changed(requests, obj_id=pl.lit(10), dataset=pl.lit("lmo"))
     with pytest.raises(UnknownNameError, match="grasp of 'lmo-10' by 'parallel'"):
-        load_pairs(TrialRequests(keys, requests.obj_T_est), read_grasps())
+        load_setups(TrialRequests(keys, requests.obj_T_est), read_grasps())
 
 
 def test_workers_must_be_some() -> None:
@@ -377,11 +377,11 @@ def test_workers_must_be_some() -> None:
 
 
 def test_a_trial_that_fails_stops_with_its_cause(
-    requests: TrialRequests, pairs: dict[tuple[str, str], Pair], tmp_path: Path
+    requests: TrialRequests, pairs: dict[tuple[str, str], TrialSetup], tmp_path: Path
 ) -> None:
     pair = pairs["ycbv-4", "parallel"]
     other = replace(pair.grasp, object="ycbv-9")
-    wrong = Pair(pair.grasp_object, pair.gripper, other, pair.settings)
+    wrong = TrialSetup(pair.grasp_object, pair.gripper, other, pair.settings)
     with pytest.raises(
         CampaignStoppedError, match=r"a trial of ycbv-4 by parallel failed: MismatchError.*0 of 40"
     ):

@@ -12,7 +12,7 @@ from campaign_script import make_requests
 from graspcast.errors import ExtraMissingError
 from graspcast.simulation.campaign.campaign import Progress, run_campaign
 from graspcast.simulation.campaign.executors import LocalExecutor, RayExecutor
-from graspcast.simulation.campaign.jobs import load_pairs
+from graspcast.simulation.campaign.jobs import load_setups
 from graspcast.simulation.grasps.table import read_grasps
 
 # Ray itself leaves sockets and processes to the garbage collector.
@@ -46,7 +46,7 @@ def cluster(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
 
 def test_a_node_killed_in_mid_run_loses_nothing(cluster: Any, tmp_path: Path) -> None:
     requests = make_requests(192)
-    pairs = load_pairs(requests, read_grasps())
+    pairs = load_setups(requests, read_grasps())
     alive: list[int] = []
 
     def watch(progress: Progress) -> None:

@@ -15,7 +15,10 @@ from graspcast.bop.units import millimetres
 from graspcast.errors import InputError, MismatchError
 from graspcast.pose.transforms import rotation_angle
 from graspcast.simulation.campaign.requests import TrialRequests
-from graspcast.simulation.campaign.transferred_errors import BORROWED, borrowed_trials
+from graspcast.simulation.campaign.transferred_errors import (
+    TRANSFERRED,
+    trials_from_transferred_errors,
+)
 from poses import nudged, random_poses, results_of, write_models
 
 N, OBJECTS = 45, 3
@@ -60,10 +63,14 @@ def results(*, turned: int = 0, spoilt: int | None = None) -> Results:
     return dataclasses.replace(results_of(poses), obj_id=number_of())
 
 
-def borrow(dataset: BopDataset, table: Results, *objects: int, **options: int) -> TrialRequests:
+def transferred_errors(
+    dataset: BopDataset, table: Results, *objects: int, **options: int
+) -> TrialRequests:
     pairs = [(f"made-{number}", "parallel") for number in objects]
     options = {"count": 300} | options
-    return borrowed_trials({"made": {"a": table}}, {"made": dataset}, pairs, **options)
+    return trials_from_transferred_errors(
+        {"made": {"a": table}}, {"made": dataset}, pairs, **options
+    )
 
 
 def offsets(requests: TrialRequests, number: int) -> np.ndarray:
@@ -79,7 +86,7 @@ def angles(requests: TrialRequests, number: int) -> np.ndarray:
 @pytest.mark.parametrize("owner", [1, 2, 3])
 def test_no_error_of_the_object_itself_is_used(dataset: BopDataset, owner: int) -> None:
     spoilt = int(np.flatnonzero(number_of() == owner)[4])
-    requests = borrow(dataset, results(spoilt=spoilt), 1, 2, 3)
+    requests = transferred_errors(dataset, results(spoilt=spoilt), 1, 2, 3)
     for number in (1, 2, 3):
         largest = offsets(requests, number).max()
         if number == owner:
@@ -90,7 +97,7 @@ def test_no_error_of_the_object_itself_is_used(dataset: BopDataset, owner: int) 
 
 def test_an_error_keeps_its_size_and_the_side_is_random(dataset: BopDataset) -> None:
     table = results()
-    requests = borrow(dataset, table, 1, count=2000)
+    requests = transferred_errors(dataset, table, 1, count=2000)
     true = random_poses(N)
     error = np.linalg.inv(true) @ table.cam_T_obj
     others = number_of() != 1
@@ -109,35 +116,37 @@ def test_an_error_keeps_its_size_and_the_side_is_random(dataset: BopDataset) -> 
 
 
 def test_a_turn_by_a_donors_symmetry_is_no_error(dataset: BopDataset) -> None:
-    symmetric = borrow(dataset, results(turned=2), 1, 3)
+    symmetric = transferred_errors(dataset, results(turned=2), 1, 3)
     assert angles(symmetric, 1).max() < 0.2
     assert angles(symmetric, 3).max() < 0.2
     # but the same turn of an object without it is
-    wrong = borrow(dataset, results(turned=3), 1, 3)
+    wrong = transferred_errors(dataset, results(turned=3), 1, 3)
     assert angles(wrong, 1).max() > 3
     assert angles(wrong, 3).max() < 0.2
 
 
 def test_seeds_and_other_pairs(dataset: BopDataset) -> None:
     table = results()
-    one = borrow(dataset, table, 1, 2)
-    assert_array_equal(borrow(dataset, table, 1, 2).obj_T_est, one.obj_T_est)
-    assert (borrow(dataset, table, 1, 2, seed=1).obj_T_est != one.obj_T_est).any()
+    one = transferred_errors(dataset, table, 1, 2)
+    assert_array_equal(transferred_errors(dataset, table, 1, 2).obj_T_est, one.obj_T_est)
+    assert (transferred_errors(dataset, table, 1, 2, seed=1).obj_T_est != one.obj_T_est).any()
     # What else is asked for changes nothing.
-    both = borrow(dataset, table, 2, 3, 1)
+    both = transferred_errors(dataset, table, 2, 3, 1)
     for number in (1, 2):
         first, second = ((r.keys["obj_id"] == number).to_numpy() for r in (one, both))
         assert_array_equal(both.obj_T_est[second], one.obj_T_est[first])
     assert (one.obj_T_est[:300] != one.obj_T_est[300:]).any()
     keys = one.keys
-    assert set(keys["estimator"]) == {BORROWED}
+    assert set(keys["estimator"]) == {TRANSFERRED}
     assert keys["object"].unique().sort().to_list() == ["made-1", "made-2"]
     assert keys.filter(obj_id=1)["im_id"].to_list() == list(range(300))
 
 
 def test_an_object_of_ones_own_borrows_from_all(dataset: BopDataset) -> None:
     pairs = [("mine-7", "parallel")]
-    found = borrowed_trials({"made": {"a": results()}}, {"made": dataset}, pairs, count=50)
+    found = trials_from_transferred_errors(
+        {"made": {"a": results()}}, {"made": dataset}, pairs, count=50
+    )
     assert len(found.keys) == 50
     assert found.keys["dataset"].unique().to_list() == ["mine"]
 
@@ -145,13 +154,13 @@ def test_an_object_of_ones_own_borrows_from_all(dataset: BopDataset) -> None:
 def test_what_is_refused_and_what_is_no_estimate(dataset: BopDataset) -> None:
     table = results()
     with pytest.raises(InputError, match=r"at least one error is to be borrowed .* not 0"):
-        borrow(dataset, table, 1, count=0)
+        transferred_errors(dataset, table, 1, count=0)
     only = table.select(table.obj_id == 2)
     with pytest.raises(MismatchError, match=r"no errors to borrow for made-2"):
-        borrow(dataset, only, 2)
-    assert len(borrow(dataset, only, 1).keys) == 300
+        transferred_errors(dataset, only, 2)
+    assert len(transferred_errors(dataset, only, 1).keys) == 300
     # A placeholder at the camera's centre is no estimate.
     nothing = table.cam_T_obj.copy()
     nothing[0] = np.eye(4)
     holed = dataclasses.replace(table, cam_T_obj=nothing)
-    assert offsets(borrow(dataset, holed, 2, count=1000), 2).max() < 0.05
+    assert offsets(transferred_errors(dataset, holed, 2, count=1000), 2).max() < 0.05

@@ -11,7 +11,7 @@ from numpy import ndarray
 from graspcast.errors import InputError
 from graspcast.pose.transforms import exp, invert, transform_points
 from graspcast.simulation.campaign.requests import TrialRequests
-from graspcast.simulation.grasps.observed_trials import LabelledTrials
+from graspcast.simulation.grasps.observed_trials import ObservedTrials
 from graspcast.simulation.grasps.proposals import OpenHand, propose, surface_points, vary
 from graspcast.simulation.grasps.sampling import FittedTrials
 from graspcast.simulation.grasps.search import (
@@ -142,7 +142,7 @@ def test_the_same_seed_finds_the_same_grasp_whatever_the_report_part_says() -> N
     poisoned = labelled.success ^ (part == "report")
     poses = []
     for success in (labelled.success, poisoned):
-        trials = LabelledTrials(TrialRequests(keys, labelled.obj_T_est), success, part)
+        trials = ObservedTrials(TrialRequests(keys, labelled.obj_T_est), success, part)
         found = fit_grasp(
             brick(),
             load_gripper("parallel"),

@@ -1,1 +1,1 @@
-"""TODO models."""
+"""Models of grasp success: what a forecaster holds."""

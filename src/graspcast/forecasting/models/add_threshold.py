@@ -31,8 +31,10 @@ def fit_threshold(disagreement: Float[ndarray, "n"], success: Bool[ndarray, "n"]
     succeed if it lies strictly below; of equally good candidates the smallest is taken. This is the
     rule behind the published table, which other ways to break ties miss by up to half a point.
 
-    Raises:
-        InputError: if there are no samples.
+    Raises
+    ------
+    InputError
+        If there are no samples.
     """
     if len(disagreement) == 0:
         raise InputError("a threshold cannot be learned from no samples")
@@ -60,8 +62,10 @@ def predict_below(
 ) -> Bool[ndarray, "n"]:
     """Whether each sample lies below its object's threshold.
 
-    Raises:
-        KeyError: for an object without a threshold.
+    Raises
+    ------
+    KeyError
+        For an object without a threshold.
     """
     return disagreement < np.array([thresholds[str(name)] for name in objects])
 
@@ -73,9 +77,12 @@ class Thresholds:
     The probability is the success rate of the training samples on the same side of the threshold,
     with one success and one failure added to each side (Laplace).
 
-    Attributes:
-        threshold: Metres, (k + 1,); the last is learned on all objects alike, for unseen ones.
-        rate_below, rate_above: Success rates, (k + 1,).
+    Attributes
+    ----------
+    threshold
+        Metres, (k + 1,); the last is learned on all objects alike, for unseen ones.
+    rate_below, rate_above
+        Success rates, (k + 1,).
     """
 
     threshold: Float[ndarray, "k"]

@@ -19,12 +19,12 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.instances import unit_names
-from graspcast.forecasting.models.design_matrix import LessonTable
+from graspcast.forecasting.models.design_matrix import DesignMatrix
 from graspcast.forecasting.models.encoding import one_hot_numbers
 from graspcast.forecasting.models.forest import Forest, flatten
-from graspcast.forecasting.models.out_of_fold import Apart
-from graspcast.forecasting.models.two_stage import ErrorModel, Survival, expected_survival
-from graspcast.forecasting.training_data import Lessons
+from graspcast.forecasting.models.out_of_fold import OutOfFold
+from graspcast.forecasting.models.two_stage import ErrorModel, SuccessGivenError, expected_success
+from graspcast.forecasting.training_data import TrainingData
 
 __all__ = ["Blend", "ForestSettings"]
 
@@ -40,13 +40,19 @@ which it is seen, which do better where scenes are new."""
 class ForestSettings:
     """How the forests are grown.
 
-    Attributes:
-        direct: Weight of the direct forest for objects with outcomes; 0 is two stages alone, 1 the
-            direct forest alone.
-        trees: Of each forest.
-        draws: Errors drawn for each forecast.
-        folds: Parts of the scenes for calibration; 0 for none.
-        seed: Of everything random.
+    Attributes
+    ----------
+    direct
+        Weight of the direct forest for objects with outcomes; 0 is two stages alone, 1 the direct
+        forest alone.
+    trees
+        Of each forest.
+    draws
+        Errors drawn for each forecast.
+    folds
+        Parts of the scenes for calibration; 0 for none.
+    seed
+        Of everything random.
     """
 
     direct: float = 0.5
@@ -60,23 +66,33 @@ class ForestSettings:
 class Blend:
     """Forests and their calibration, for one principal and gripper.
 
-    Attributes:
-        direct: From features, object and guiding estimator to success, or None.
-        errors, survival: The two stages, or None.
-        estimator: One-hot vector of the principal among all estimators, (K,).
-        tried: Which objects have outcomes (the direct forest knows them), (objects,).
-        known: Which objects the second stage knows, by outcomes or simulation, (objects,).
-        weight: Of the direct forest.
-        draws: Errors drawn for each forecast.
-        columns: The error model's inputs among the features; the ray frame's nine; the distance.
-        calibration: Slope and shift of the log-odds, for the average and for two stages alone,
-            (2, 2).
-        apart: What the calibration was learned from.
+    Attributes
+    ----------
+    direct
+        From features, object and guiding estimator to success, or None.
+    errors, survival
+        The two stages, or None.
+    estimator
+        One-hot vector of the principal among all estimators, (K,).
+    tried
+        Which objects have outcomes (the direct forest knows them), (objects,).
+    known
+        Which objects the second stage knows, by outcomes or simulation, (objects,).
+    weight
+        Of the direct forest.
+    draws
+        Errors drawn for each forecast.
+    columns
+        The error model's inputs among the features; the ray frame's nine; the distance.
+    calibration
+        Slope and shift of the log-odds, for the average and for two stages alone, (2, 2).
+    apart
+        What the calibration was learned from.
     """
 
     direct: Forest | None
     errors: ErrorModel | None
-    survival: Survival | None
+    success_given_error: SuccessGivenError | None
     estimator: Float[ndarray, "k"]
     tried: Bool[ndarray, "o"]
     known: Bool[ndarray, "o"]
@@ -84,12 +100,12 @@ class Blend:
     draws: int
     columns: Int[ndarray, "c"]
     calibration: Float[ndarray, "2 2"]
-    apart: Apart | None = None
+    out_of_fold: OutOfFold | None = None
 
     @classmethod
     def fit(
         cls,
-        lessons: Lessons,
+        training_data: TrainingData,
         objects: Sequence[str],
         models: Mapping[str, Models],
         settings: ForestSettings,
@@ -98,15 +114,16 @@ class Blend:
     ) -> Blend:
         """Learn from lessons about these objects.
 
-        Raises:
-            InputError: if there is neither ground truth for two stages nor outcomes for the direct
-                forest.
+        Raises
+        ------
+        InputError
+            If there is neither ground truth for two stages nor outcomes for the direct forest.
         """
-        table = LessonTable.of(lessons, objects, models)
+        table = DesignMatrix.of(training_data, objects, models)
         groups = np.unique(table.groups)
         folds = min(settings.folds, len(groups))
         steps = folds + 1
-        blend = _grow(table, np.full(len(lessons), True), settings)
+        blend = _grow(table, np.full(len(training_data), True), settings)
         if progress is not None:
             progress(1 / steps)
         if folds < 2 or not blend.tried.any():
@@ -114,7 +131,7 @@ class Blend:
         # Each scene's forecasts by forests that have not seen it.
         dealt = np.random.default_rng(settings.seed).permutation(len(groups)) % folds
         part = dealt[np.searchsorted(groups, table.groups)]
-        forecasts = np.full((2, len(lessons)), np.nan)
+        forecasts = np.full((2, len(training_data)), np.nan)
         for fold in range(folds):
             inner = replace(settings, trees=max(32, settings.trees // 2))
             forest = _grow(table, part != fold, inner)
@@ -127,12 +144,12 @@ class Blend:
         calibration = np.stack([_calibrate(each, own) for each in forecasts])
         told = np.flatnonzero(~np.isnan(forecasts[0]))
         slope, shift = calibration[0]
-        apart = Apart(
+        out_of_fold = OutOfFold(
             _expit(slope * _logit(forecasts[0, told]) + shift),
             own[told] == 1,
-            unit_names(lessons.estimates.select(told), "image"),
+            unit_names(training_data.estimates.select(told), "image"),
         )
-        return replace(blend, calibration=calibration, apart=apart)
+        return replace(blend, calibration=calibration, out_of_fold=out_of_fold)
 
     def raw(
         self, features: Float[ndarray, "n d"], numbers: Int[ndarray, "n"]
@@ -141,12 +158,12 @@ class Blend:
         count = self.columns[-1]  # of the error model's inputs
         inputs, axes = self.columns[:count], self.columns[count : count + 9]
         staged = np.full(len(features), np.nan)
-        if self.errors is not None and self.survival is not None:
+        if self.errors is not None and self.success_given_error is not None:
             mine = np.flatnonzero((numbers >= 0) & self.known[numbers])
             rows = features[mine]
-            staged[mine] = expected_survival(
+            staged[mine] = expected_success(
                 self.errors,
-                self.survival,
+                self.success_given_error,
                 rows[:, inputs],
                 np.swapaxes(rows[:, axes].reshape(-1, 3, 3), 1, 2),
                 rows[:, self.columns[-2]],
@@ -169,8 +186,10 @@ class Blend:
     ) -> Float[ndarray, "n"]:
         """Probability of success of each row.
 
-        Raises:
-            MismatchError: for two stages alone, of an object without outcomes or simulated trials.
+        Raises
+        ------
+        MismatchError
+            For two stages alone, of an object without outcomes or simulated trials.
         """
         mixed, _ = self.raw(features, objects)
         if np.isnan(mixed).any():
@@ -188,27 +207,31 @@ class Blend:
         plain = ("estimator", "tried", "known", "columns", "calibration")
         out = {name: getattr(self, name) for name in plain}
         out |= {"weight": np.array(self.weight), "draws": np.array(self.draws)}
-        if self.apart is not None:
-            out |= self.apart.to_arrays()
+        if self.out_of_fold is not None:
+            out |= self.out_of_fold.to_arrays()
         if self.direct is not None:
             out |= self.direct.to_arrays("direct")
-        if self.errors is not None and self.survival is not None:
-            out |= self.errors.to_arrays("errors") | self.survival.forest.to_arrays("survival")
+        if self.errors is not None and self.success_given_error is not None:
+            out |= self.errors.to_arrays("errors") | self.success_given_error.forest.to_arrays(
+                "success_given_error"
+            )
         return out
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Blend:
         """The inverse of :meth:`to_arrays`."""
-        direct = errors = survival = None
+        direct = errors = success_given_error = None
         if "direct/roots" in arrays:
             direct = Forest.from_arrays(arrays, "direct")
-        if "survival/roots" in arrays:
+        if "success_given_error/roots" in arrays:
             errors = ErrorModel.from_arrays(arrays, "errors")
-            survival = Survival(Forest.from_arrays(arrays, "survival"), len(arrays["tried"]))
+            success_given_error = SuccessGivenError(
+                Forest.from_arrays(arrays, "success_given_error"), len(arrays["tried"])
+            )
         return cls(
             direct,
             errors,
-            survival,
+            success_given_error,
             arrays["estimator"],
             arrays["tried"],
             arrays["known"],
@@ -216,16 +239,16 @@ class Blend:
             int(arrays["draws"]),
             arrays["columns"],
             arrays["calibration"],
-            Apart.from_arrays(arrays) if "apart/image" in arrays else None,
+            OutOfFold.from_arrays(arrays) if "out_of_fold/image" in arrays else None,
         )
 
 
-def _grow(table: LessonTable, rows: Bool[ndarray, "n"], settings: ForestSettings) -> Blend:
+def _grow(table: DesignMatrix, rows: Bool[ndarray, "n"], settings: ForestSettings) -> Blend:
     """Forests of some of the instances, not calibrated."""
     guide, instance = np.nonzero(~np.isnan(table.success) & rows)
     tried = np.bincount(table.numbers[instance], minlength=table.objects) > 0
     columns = _columns(table.names)
-    direct = errors = survival = None
+    direct = errors = success_given_error = None
     known = np.zeros(table.objects, dtype=bool)
     if settings.direct > 0:
         direct = _grow_direct(table, guide, instance, settings)
@@ -237,8 +260,10 @@ def _grow(table: LessonTable, rows: Bool[ndarray, "n"], settings: ForestSettings
             forest = {"trees": settings.trees, "seed": settings.seed}
             inputs = table.own[donors][:, columns[: columns[-1]]]
             errors = ErrorModel.fit(inputs, table.truth[table.principal][donors], **forest)
-            survival = Survival.fit(poses, numbers, success, objects=table.objects, **forest)
-    if direct is None and survival is None:
+            success_given_error = SuccessGivenError.fit(
+                poses, numbers, success, objects=table.objects, **forest
+            )
+    if direct is None and success_given_error is None:
         raise InputError(
             "there is nothing to learn from: two stages need ground truth and outcomes or "
             "simulated trials, the direct forest needs outcomes"
@@ -246,13 +271,21 @@ def _grow(table: LessonTable, rows: Bool[ndarray, "n"], settings: ForestSettings
     estimator = np.eye(len(table.success))[table.principal]
     identity = np.array([[1.0, 0.0], [1.0, 0.0]])
     return Blend(
-        direct, errors, survival, estimator, tried, known, settings.direct, settings.draws,
-        columns, identity,
-    )  # fmt: skip
+        direct,
+        errors,
+        success_given_error,
+        estimator,
+        tried,
+        known,
+        settings.direct,
+        settings.draws,
+        columns,
+        identity,
+    )
 
 
 def _grow_direct(
-    table: LessonTable,
+    table: DesignMatrix,
     guide: Int[ndarray, "m"],
     instance: Int[ndarray, "m"],
     settings: ForestSettings,
@@ -277,7 +310,7 @@ def _grow_direct(
 
 
 def _trials(
-    table: LessonTable,
+    table: DesignMatrix,
     guide: Int[ndarray, "m"],
     instance: Int[ndarray, "m"],
     tried: Bool[ndarray, "o"],

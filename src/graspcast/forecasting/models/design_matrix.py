@@ -14,28 +14,39 @@ from graspcast.estimates.instances import scene_groups
 from graspcast.estimates.matching import nearest_truth
 from graspcast.forecasting.features import consensus_features
 from graspcast.forecasting.models.encoding import UNSEEN
-from graspcast.forecasting.training_data import Lessons
+from graspcast.forecasting.training_data import TrainingData
 from graspcast.pose.ray_frame import relative
 from graspcast.pose.transforms import compose, invert
 
-__all__ = ["LessonTable"]
+__all__ = ["DesignMatrix"]
 
 
 @dataclass(frozen=True, eq=False)
-class LessonTable:
+class DesignMatrix:
     """Lessons as numbers: for each estimator as the one that guides, its features and outcomes.
 
-    Attributes:
-        principal: The number of the principal among the estimators.
-        names: Of the principal's features.
-        features: The set ``full`` with each estimator in turn as the principal, (K, n, d).
-        success: 1, 0, or NaN, (K, n).
-        truth: Where the truth lies in each estimate's ray frame, NaN where unknown, (K, n, 6).
-        obj_T_est: The errors, (K, n, 4, 4); a turn by a symmetry is none.
-        numbers: Each instance's object, -1 for one that is not among the objects, (n,).
-        groups: Each instance's scene (or block of frames), (n,).
-        objects: How many objects there are.
-        simulated: Errors, objects and outcomes of simulated trials of these objects.
+    Attributes
+    ----------
+    principal
+        The number of the principal among the estimators.
+    names
+        Of the principal's features.
+    features
+        The set ``full`` with each estimator in turn as the principal, (K, n, d).
+    success
+        1, 0, or NaN, (K, n).
+    truth
+        Where the truth lies in each estimate's ray frame, NaN where unknown, (K, n, 6).
+    obj_T_est
+        The errors, (K, n, 4, 4); a turn by a symmetry is none.
+    numbers
+        Each instance's object, -1 for one that is not among the objects, (n,).
+    groups
+        Each instance's scene (or block of frames), (n,).
+    objects
+        How many objects there are.
+    simulated
+        Errors, objects and outcomes of simulated trials of these objects.
     """
 
     principal: int
@@ -61,10 +72,10 @@ class LessonTable:
 
     @classmethod
     def of(
-        cls, lessons: Lessons, objects: Sequence[str], models: Mapping[str, Models]
-    ) -> LessonTable:
+        cls, training_data: TrainingData, objects: Sequence[str], models: Mapping[str, Models]
+    ) -> DesignMatrix:
         """Look up everything once, for all the forests that will be grown from parts of it."""
-        estimates = lessons.estimates
+        estimates = training_data.estimates
         number = {name: i for i, name in enumerate(objects)}
         # What has neither outcomes nor simulated trials still shows how estimators err.
         numbers = np.array(
@@ -74,32 +85,35 @@ class LessonTable:
         features, truths, errors = [], [], []
         for name in estimates.estimators:
             found = consensus_features(estimates, name, which="full", models=models)
-            names = found.names if name == lessons.principal else names
+            names = found.names if name == training_data.principal else names
             features.append(found.values)
             poses = estimates.of(name)
             est_T_true = nearest_truth(
-                compose(invert(poses), lessons.truth), estimates.dataset, estimates.obj_id, models
+                compose(invert(poses), training_data.truth),
+                estimates.dataset,
+                estimates.obj_id,
+                models,
             )
             near = compose(poses, est_T_true)
             truths.append(np.full((len(near), 6), np.nan))
-            truths[-1][lessons.has_truth] = relative(
-                poses[lessons.has_truth], near[lessons.has_truth]
+            truths[-1][training_data.has_truth] = relative(
+                poses[training_data.has_truth], near[training_data.has_truth]
             )
             errors.append(invert(est_T_true))
         simulated = None
-        if lessons.simulated is not None:
-            mine = np.isin(lessons.simulated.objects, list(number))
-            trials = lessons.simulated.select(mine)
+        if training_data.simulated is not None:
+            mine = np.isin(training_data.simulated.objects, list(number))
+            trials = training_data.simulated.select(mine)
             simulated = (
                 trials.obj_T_est,
                 np.array([number[name] for name in trials.objects.tolist()], dtype=np.int64),
                 trials.success,
             )
         return cls(
-            estimates.index(lessons.principal),
+            estimates.index(training_data.principal),
             names,
             np.stack(features),
-            lessons.success,
+            training_data.success,
             np.stack(truths),
             np.stack(errors),
             numbers,

@@ -16,8 +16,10 @@ __all__ = ["UNSEEN", "one_hot", "one_hot_numbers"]
 def one_hot(names: Iterable[str], known: tuple[str, ...], kind: str) -> Float[ndarray, "n k"]:
     """A row for each name, with a 1 at its place among the known ones.
 
-    Raises:
-        UnknownNameError: for a name that is not known.
+    Raises
+    ------
+    UnknownNameError
+        For a name that is not known.
     """
     place = {name: i for i, name in enumerate(known)}
     names = list(names)

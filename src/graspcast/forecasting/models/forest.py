@@ -23,12 +23,18 @@ __all__ = ["Forest", "flatten", "walk"]
 class Forest:
     """Trees of one forest.
 
-    Attributes:
-        feature: Which column a node looks at, -1 at a leaf, (nodes,).
-        threshold: Left if the column is this or less, (nodes,).
-        right: The right child's number; at a leaf the leaf's number in its tree, (nodes,).
-        value: At a leaf: what it answers, (nodes,).
-        roots: Each tree's first node, and the number of nodes, (trees + 1,).
+    Attributes
+    ----------
+    feature
+        Which column a node looks at, -1 at a leaf, (nodes,).
+    threshold
+        Left if the column is this or less, (nodes,).
+    right
+        The right child's number; at a leaf the leaf's number in its tree, (nodes,).
+    value
+        At a leaf: what it answers, (nodes,).
+    roots
+        Each tree's first node, and the number of nodes, (trees + 1,).
     """
 
     feature: Int[ndarray, "nodes"]

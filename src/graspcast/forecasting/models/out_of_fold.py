@@ -9,17 +9,21 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-__all__ = ["Apart"]
+__all__ = ["OutOfFold"]
 
 
 @dataclass(frozen=True, eq=False)
-class Apart:
+class OutOfFold:
     """What calibration was learned from; a promise's thresholds are put in order by it.
 
-    Attributes:
-        probability: Calibrated, (m,).
-        success: Outcomes, (m,).
-        image: ``dataset/scene/image``, (m,).
+    Attributes
+    ----------
+    probability
+        Calibrated, (m,).
+    success
+        Outcomes, (m,).
+    image
+        ``dataset/scene/image``, (m,).
     """
 
     probability: Float[ndarray, "m"]
@@ -34,9 +38,9 @@ class Apart:
 
     def to_arrays(self) -> dict[str, ndarray]:
         """Named arrays."""
-        return {f"apart/{f.name}": getattr(self, f.name) for f in fields(self)}
+        return {f"out_of_fold/{f.name}": getattr(self, f.name) for f in fields(self)}
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Apart:
+    def from_arrays(cls, arrays: Mapping[str, ndarray]) -> OutOfFold:
         """The inverse of :meth:`to_arrays`."""
-        return cls(*(arrays[f"apart/{f.name}"] for f in fields(cls)))
+        return cls(*(arrays[f"out_of_fold/{f.name}"] for f in fields(cls)))

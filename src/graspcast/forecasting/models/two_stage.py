@@ -24,20 +24,26 @@ from graspcast.forecasting.models.forest import Forest, flatten, walk
 from graspcast.pose.ray_frame import compressed
 from graspcast.pose.transforms import rotation_vector
 
-__all__ = ["ErrorModel", "Survival", "expected_survival"]
+__all__ = ["ErrorModel", "SuccessGivenError", "expected_success"]
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorModel:
     """A distribution of where the truth lies, given features.
 
-    Attributes:
-        forest: Its leaves are all that is used of it.
-        first: Where each leaf's members begin in ``members``, leaf by leaf, tree by tree.
-        offset: The number of the first leaf of each tree, (trees,).
-        members: Training instances, by number.
-        truth: Where the truth lay of each, in its estimate's ray frame (see
-            :func:`graspcast.pose.ray_frame.relative`), (m, 6).
+    Attributes
+    ----------
+    forest
+        Its leaves are all that is used of it.
+    first
+        Where each leaf's members begin in ``members``, leaf by leaf, tree by tree.
+    offset
+        The number of the first leaf of each tree, (trees,).
+    members
+        Training instances, by number.
+    truth
+        Where the truth lay of each, in its estimate's ray frame (see
+        :func:`graspcast.pose.ray_frame.relative`), (m, 6).
     """
 
     forest: Forest
@@ -99,13 +105,16 @@ def _places(count: int) -> Float[ndarray, "count"]:
 
 
 @dataclass(frozen=True, eq=False)
-class Survival:
+class SuccessGivenError:
     """Which errors a grasp forgives: a forest on the error and the object.
 
-    Attributes:
-        forest: Its inputs: the error's origin (m), rotation vector (rad), their lengths, and one
-            column for each object.
-        objects: How many there are.
+    Attributes
+    ----------
+    forest
+        Its inputs: the error's origin (m), rotation vector (rad), their lengths, and one column for
+        each object.
+    objects
+        How many there are.
     """
 
     forest: Forest
@@ -121,7 +130,7 @@ class Survival:
         objects: int,
         trees: int,
         seed: int,
-    ) -> Survival:
+    ) -> SuccessGivenError:
         """Learn from trials whose error and outcome are known."""
         from sklearn.ensemble import ExtraTreesClassifier
 
@@ -146,9 +155,9 @@ def _error_inputs(obj_T_est: Float[ndarray, "n 4 4"]) -> Float[ndarray, "n 8"]:
     return np.concatenate([shift, turn, *lengths], axis=1)
 
 
-def expected_survival(
+def expected_success(
     errors: ErrorModel,
-    survival: Survival,
+    success_given_error: SuccessGivenError,
     features: Float[ndarray, "n d"],
     axes: Float[ndarray, "n 3 3"],
     distance: Float[ndarray, "n"],
@@ -159,15 +168,23 @@ def expected_survival(
 ) -> Float[ndarray, "n"]:
     """The probability of survival, averaged over where the truth may lie.
 
-    Args:
-        errors, survival: The two stages.
-        features: Inputs of the first.
-        axes: :func:`graspcast.pose.ray_frame.obj_R_ray` of each estimate.
-        distance: Of each from the camera, metres.
-        numbers: Each instance's object in the second stage.
-        draws: Of the truth, for each instance.
-        trees: Of the second stage that judge each draw; another few for every draw, so that all
-            have their say.
+    Parameters
+    ----------
+    errors, survival
+        The two stages.
+    features
+        Inputs of the first.
+    axes
+        :func:`graspcast.pose.ray_frame.obj_R_ray` of each estimate.
+    distance
+        Of each from the camera, metres.
+    numbers
+        Each instance's object in the second stage.
+    draws
+        Of the truth, for each instance.
+    trees
+        Of the second stage that judge each draw; another few for every draw, so that all have their
+        say.
     """
     return _expected(
         np.ascontiguousarray(features, np.float32),
@@ -179,10 +196,10 @@ def expected_survival(
         errors.offset,
         errors.members,
         errors.truth,
-        *survival.forest.arrays(),
-        survival.objects,
+        *success_given_error.forest.arrays(),
+        success_given_error.objects,
         _places(draws),
-        min(trees, survival.forest.trees),
+        min(trees, success_given_error.forest.trees),
     )
 
 

@@ -1,1 +1,1 @@
-"""TODO synthetic."""
+"""Synthetic RGB images of cluttered tables, with ground truth, as a BOP dataset."""

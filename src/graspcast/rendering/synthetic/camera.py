@@ -23,11 +23,16 @@ _ELEVATION_DEG = (20.0, 80.0)
 class Light:
     """Light from everywhere (``ambient``), and from up to three directions in the world.
 
-    Attributes:
-        ambient: Its strength, RGB, (3,).
-        directions: Unit vectors along which light falls, (3, 3).
-        strengths: RGB of each, (3, 3); zero for none.
-        sky: What is seen beyond the table, RGB from 0 to 255, (3,).
+    Attributes
+    ----------
+    ambient
+        Its strength, RGB, (3,).
+    directions
+        Unit vectors along which light falls, (3, 3).
+    strengths
+        RGB of each, (3, 3); zero for none.
+    sky
+        What is seen beyond the table, RGB from 0 to 255, (3,).
     """
 
     ambient: Float[ndarray, " 3"]
@@ -40,9 +45,12 @@ class Light:
 class View:
     """A camera (OpenCV: x right, y down, z forward) and the light in which it sees.
 
-    Attributes:
-        sim_T_cam: Its pose in the world of the table.
-        light: The light.
+    Attributes
+    ----------
+    sim_T_cam
+        Its pose in the world of the table.
+    light
+        The light.
     """
 
     sim_T_cam: Float[ndarray, "4 4"]

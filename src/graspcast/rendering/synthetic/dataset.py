@@ -43,12 +43,18 @@ _ENDINGS = {"jpg": "JPEG", "png": "PNG", "webp": "WEBP"}
 class RenderSettings:
     """What is rendered.
 
-    Attributes:
-        scenes: Tables; objects are laid out anew on each.
-        images: Views of each table, with other light each.
-        seed: Scene k depends on the seed, k and the models alone.
-        image_format: ``jpg``, ``png`` or ``webp``.
-        quality: Of JPEG and WebP, 1 to 100.
+    Attributes
+    ----------
+    scenes
+        Tables; objects are laid out anew on each.
+    images
+        Views of each table, with other light each.
+    seed
+        Scene k depends on the seed, k and the models alone.
+    image_format
+        ``jpg``, ``png`` or ``webp``.
+    quality
+        Of JPEG and WebP, 1 to 100.
     """
 
     scenes: int = 20
@@ -75,9 +81,12 @@ def read_models(
 ) -> dict[int, ColouredMesh]:
     """Coloured meshes of a BOP directory of models: these objects, or all.
 
-    Raises:
-        FormatError: if ``models_info.json`` or a mesh is missing or wrong.
-        UnknownNameError: for an object that is not there.
+    Raises
+    ------
+    FormatError
+        If ``models_info.json`` or a mesh is missing or wrong.
+    UnknownNameError
+        For an object that is not there.
     """
     models = Models(directory)
     out = {}
@@ -108,18 +117,29 @@ def render_dataset(
     ``SPLIT_detections_jittered.json`` beside the scenes has boxes for estimators: those of the
     ground truth, displaced at random (:func:`graspcast.bop.detections.jittered`).
 
-    Args:
-        models: A BOP directory of models.
-        out: The dataset's directory; it must not be there, or be empty.
-        settings: What is rendered.
-        obj_ids: Only these objects.
-        split: The folder of the scenes.
-        progress: Takes the share of images done and what comes next.
+    Parameters
+    ----------
+    models
+        A BOP directory of models.
+    out
+        The dataset's directory; it must not be there, or be empty.
+    settings
+        What is rendered.
+    obj_ids
+        Only these objects.
+    split
+        The folder of the scenes.
+    progress
+        Takes the share of images done and what comes next.
 
-    Raises:
-        InputError: if there is no OpenGL, or ``out`` cannot be written or holds files.
-        ExtraMissingError: if PyOpenGL is not installed.
-        FormatError, UnknownNameError: as :func:`read_models`.
+    Raises
+    ------
+    InputError
+        If there is no OpenGL, or ``out`` cannot be written or holds files.
+    ExtraMissingError
+        If PyOpenGL is not installed.
+    FormatError, UnknownNameError
+        As :func:`read_models`.
     """
     settings = settings or RenderSettings()
     if not re.fullmatch(r"\w+", split) or split == "models":

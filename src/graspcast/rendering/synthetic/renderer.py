@@ -23,11 +23,16 @@ _NEAR, _FAR = 0.05, 20.0
 class Frame:
     """One image and its ground truth.
 
-    Attributes:
-        rgb: The image.
-        depth_m: Along the optical axis.
-        label: Place in ``Tabletop.obj_ids`` of the object that each pixel shows, -1 for none.
-        cam_T_obj: Every object's pose, in the order of ``Tabletop.obj_ids``.
+    Attributes
+    ----------
+    rgb
+        The image.
+    depth_m
+        Along the optical axis.
+    label
+        Place in ``Tabletop.obj_ids`` of the object that each pixel shows, -1 for none.
+    cam_T_obj
+        Every object's pose, in the order of ``Tabletop.obj_ids``.
     """
 
     rgb: UInt8[ndarray, "h w 3"]
@@ -39,15 +44,22 @@ class Frame:
 class Renderer:
     """Draws a tabletop. Use it in one thread, and as a context manager.
 
-    Args:
-        tabletop: What is drawn; made for pictures of twice this width and height, because
-            silhouettes are drawn beyond the image's border too.
-        K: Intrinsics in pixels; the middle of the first pixel is (0, 0).
-        width, height: Pixels of the image.
+    Parameters
+    ----------
+    tabletop
+        What is drawn; made for pictures of twice this width and height, because silhouettes are
+        drawn beyond the image's border too.
+    K
+        Intrinsics in pixels; the middle of the first pixel is (0, 0).
+    width, height
+        Pixels of the image.
 
-    Raises:
-        ExtraMissingError: if PyOpenGL is not installed.
-        InputError: if there is no OpenGL to draw with.
+    Raises
+    ------
+    ExtraMissingError
+        If PyOpenGL is not installed.
+    InputError
+        If there is no OpenGL to draw with.
     """
 
     def __init__(

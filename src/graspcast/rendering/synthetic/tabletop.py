@@ -47,16 +47,25 @@ class ColouredMesh:
 class Tabletop:
     """Objects, clutter and a table in one MuJoCo model, laid out anew as often as wished.
 
-    Args:
-        meshes: Objects by BOP number.
-        width, height: Pixels of the largest picture to be drawn of it.
+    Parameters
+    ----------
+    meshes
+        Objects by BOP number.
+    width, height
+        Pixels of the largest picture to be drawn of it.
 
-    Attributes:
-        model, data: MuJoCo's.
-        obj_ids: The objects' numbers, in the order of their bodies.
-        geoms: The objects' geoms, in that order.
-        surfaces: Textures of the table and of the clutter, by MuJoCo's numbers.
-        present: Which objects lie on the table, (n,).
+    Attributes
+    ----------
+    model, data
+        MuJoCo's.
+    obj_ids
+        The objects' numbers, in the order of their bodies.
+    geoms
+        The objects' geoms, in that order.
+    surfaces
+        Textures of the table and of the clutter, by MuJoCo's numbers.
+    present
+        Which objects lie on the table, (n,).
     """
 
     def __init__(self, meshes: Mapping[int, ColouredMesh], *, width: int, height: int):
@@ -92,8 +101,10 @@ class Tabletop:
     def lay_out(self, rng: np.random.Generator) -> None:
         """Drop objects and clutter on the table until they lie still, and dress the table anew.
 
-        Raises:
-            InputError: if they will not lie still.
+        Raises
+        ------
+        InputError
+            If they will not lie still.
         """
         self._dress(rng)
         for _ in range(_TRIES):

@@ -18,9 +18,12 @@ _CELL = 4
 class Atlas:
     """A texture in which each triangle has a square of its own.
 
-    Attributes:
-        pixels: RGB, (side, side, 3).
-        corners: Texture coordinates of the triangles' corners, (f, 3, 2), in [0, 1].
+    Attributes
+    ----------
+    pixels
+        RGB, (side, side, 3).
+    corners
+        Texture coordinates of the triangles' corners, (f, 3, 2), in [0, 1].
     """
 
     pixels: UInt8[ndarray, "side side 3"]

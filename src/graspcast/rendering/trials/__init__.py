@@ -1,1 +1,1 @@
-"""TODO trials."""
+"""Pictures and films of grasp trials."""

@@ -27,15 +27,23 @@ _AWAY[2, 3] = -100.0
 class Appearance:
     """A model of what is to be seen, in which poses are simply set.
 
-    Args:
-        grasp_object: The object; without a mesh its collision pieces are shown.
-        gripper: The gripper.
-        collision: Show the collision pieces in place of the mesh.
-        width, height: Pixels of the largest picture to be drawn off screen.
+    Parameters
+    ----------
+    grasp_object
+        The object; without a mesh its collision pieces are shown.
+    gripper
+        The gripper.
+    collision
+        Show the collision pieces in place of the mesh.
+    width, height
+        Pixels of the largest picture to be drawn off screen.
 
-    Attributes:
-        model, data: MuJoCo's, for a renderer or a viewer.
-        object_corners: Of a box about the object, in its frame, metres.
+    Attributes
+    ----------
+    model, data
+        MuJoCo's, for a renderer or a viewer.
+    object_corners
+        Of a box about the object, in its frame, metres.
     """
 
     def __init__(

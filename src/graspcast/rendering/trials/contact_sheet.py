@@ -31,10 +31,14 @@ Progress = Callable[[float], None]
 class Cell:
     """One field of a contact sheet.
 
-    Attributes:
-        pixels: The picture, or None for an empty field.
-        note: What is written below it; in an empty field, why it is empty.
-        outcome: The outcome of the trial that it shows, if any.
+    Attributes
+    ----------
+    pixels
+        The picture, or None for an empty field.
+    note
+        What is written below it; in an empty field, why it is empty.
+    outcome
+        The outcome of the trial that it shows, if any.
     """
 
     pixels: UInt8[ndarray, "h w 3"] | None
@@ -57,7 +61,8 @@ def draw_cells(
 
     A pair without a grasp, and an object without a mesh, has an empty field that says so.
 
-    Returns:
+    Returns
+    -------
         A field for every pair of an object's and a gripper's name.
     """
     cells: dict[tuple[str, str], Cell] = {}
@@ -101,16 +106,25 @@ def save_sheet(
 ) -> None:
     """A PNG with a field for each object and gripper, ``columns`` objects side by side.
 
-    Args:
-        path: Where to.
-        objects: Name and label of each object, in order.
-        grippers: Names; their fields of one object are below one another.
-        cells: By name of object and gripper.
-        size: Of a field's picture, pixels.
-        columns: Objects in a row.
+    Parameters
+    ----------
+    path
+        Where to.
+    objects
+        Name and label of each object, in order.
+    grippers
+        Names; their fields of one object are below one another.
+    cells
+        By name of object and gripper.
+    size
+        Of a field's picture, pixels.
+    columns
+        Objects in a row.
 
-    Raises:
-        InputError: if the file cannot be written.
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
     """
     from PIL import Image
 

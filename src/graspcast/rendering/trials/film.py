@@ -60,8 +60,10 @@ def save_strip(
 ) -> None:
     """A PNG of the moments of :func:`strip_states` side by side, and the outcome.
 
-    Raises:
-        InputError: if the file cannot be written.
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
     """
     from PIL import Image
 
@@ -87,9 +89,12 @@ def save_film(
 ) -> None:
     """A film in real time, MP4 or GIF by the ending, that lingers on the last picture.
 
-    Raises:
-        ExtraMissingError: if for MP4 the encoder is not installed.
-        InputError: if the file cannot be written.
+    Raises
+    ------
+    ExtraMissingError
+        If for MP4 the encoder is not installed.
+    InputError
+        If the file cannot be written.
     """
     ending = Path(path).suffix.lower()
     fps = _FPS[ending]

@@ -37,14 +37,21 @@ class SceneRenderer:
     (:func:`graspcast.rendering.backend.why_software`). Use it in one thread, and as a context
     manager.
 
-    Args:
-        grasp_object: The object; without a mesh its collision pieces are drawn.
-        gripper: The gripper.
-        width, height: Pixels.
-        collision: Draw the collision pieces in place of the mesh.
+    Parameters
+    ----------
+    grasp_object
+        The object; without a mesh its collision pieces are drawn.
+    gripper
+        The gripper.
+    width, height
+        Pixels.
+    collision
+        Draw the collision pieces in place of the mesh.
 
-    Raises:
-        InputError: if ``MUJOCO_GL`` names no backend of OpenGL.
+    Raises
+    ------
+    InputError
+        If ``MUJOCO_GL`` names no backend of OpenGL.
     """
 
     def __init__(

@@ -23,9 +23,12 @@ _INSTEAD = "give --out with a file that ends in .mp4, .gif or .png"
 def check_display() -> None:
     """Make sure that a window can be opened.
 
-    Raises:
-        InputError: if there is no display, saying what to do instead.
-        ExtraMissingError: if GLFW is not installed.
+    Raises
+    ------
+    InputError
+        If there is no display, saying what to do instead.
+    ExtraMissingError
+        If GLFW is not installed.
     """
     on_linux = platform.system() == "Linux"
     if on_linux and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
@@ -48,8 +51,10 @@ def replay(
 ) -> None:
     """Play a recording in MuJoCo's viewer until its window is closed.
 
-    Raises:
-        InputError: on macOS, if not run by ``mjpython``, as the viewer needs there.
+    Raises
+    ------
+    InputError
+        On macOS, if not run by ``mjpython``, as the viewer needs there.
     """
     from mujoco import viewer
 

@@ -1,1 +1,1 @@
-"""TODO campaign."""
+"""Many trials: requests, jobs, workers, the resumable store of outcomes."""

@@ -21,7 +21,7 @@ from graspcast.errors import CampaignStoppedError, GraspcastError
 from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
 from graspcast.simulation.campaign.dataset_card import write_card
 from graspcast.simulation.campaign.executors import Executor, LocalExecutor
-from graspcast.simulation.campaign.jobs import Chunk, Pair
+from graspcast.simulation.campaign.jobs import Batch, TrialSetup
 from graspcast.simulation.campaign.requests import KEY_COLUMNS, TrialRequests
 from graspcast.simulation.campaign.store import COLUMNS, Store
 from graspcast.simulation.trial.trial import Outcome
@@ -35,12 +35,18 @@ _CHUNK = 16
 class Progress:
     """How far a campaign is.
 
-    Attributes:
-        total: Trials in all.
-        done: Trials of which the outcome is kept.
-        found: Those of them that were there when this run began.
-        elapsed_s: Seconds since then.
-        reasons: How often each reason came up in this run.
+    Attributes
+    ----------
+    total
+        Trials in all.
+    done
+        Trials of which the outcome is kept.
+    found
+        Those of them that were there when this run began.
+    elapsed_s
+        Seconds since then.
+    reasons
+        How often each reason came up in this run.
     """
 
     total: int
@@ -64,7 +70,7 @@ class Progress:
 
 def run_campaign(
     requests: TrialRequests,
-    pairs: Mapping[tuple[str, str], Pair],
+    pairs: Mapping[tuple[str, str], TrialSetup],
     directory: str | PathLike[str],
     *,
     executor: Executor | None = None,
@@ -76,23 +82,34 @@ def run_campaign(
     The outcomes do not depend on the order of the trials, on the executor or on how often the
     campaign was interrupted. A process killed at any moment loses at most the trials in flight.
 
-    Args:
-        requests: The trials.
-        pairs: What they are about, from :func:`~graspcast.simulation.campaign.jobs.load_pairs`.
-        directory: Where the campaign is kept; see :mod:`graspcast.simulation.campaign.store`.
-        executor: Who computes; all cores of this machine if left out.
-        sources: What went in, by name, with its licence, for the card: the estimates above all.
-        progress: Called after every few trials.
+    Parameters
+    ----------
+    requests
+        The trials.
+    pairs
+        What they are about, from :func:`~graspcast.simulation.campaign.jobs.load_setups`.
+    directory
+        Where the campaign is kept; see :mod:`graspcast.simulation.campaign.store`.
+    executor
+        Who computes; all cores of this machine if left out.
+    sources
+        What went in, by name, with its licence, for the card: the estimates above all.
+    progress
+        Called after every few trials.
 
-    Returns:
+    Returns
+    -------
         All outcomes, sorted by keys, in the columns of
         :data:`~graspcast.simulation.campaign.store.COLUMNS`.
 
-    Raises:
-        MismatchError: if the directory holds a campaign of another configuration.
-        InputError: if another process is at work there, or it cannot be written.
-        CampaignStoppedError: if a worker died, or an outcome could not be kept; the same call goes
-            on from there.
+    Raises
+    ------
+    MismatchError
+        If the directory holds a campaign of another configuration.
+    InputError
+        If another process is at work there, or it cannot be written.
+    CampaignStoppedError
+        If a worker died, or an outcome could not be kept; the same call goes on from there.
     """
     store = Store(directory)
     with store.lock():
@@ -102,7 +119,7 @@ def run_campaign(
         report = _Reporter(len(requests), len(requests) - len(left), progress)
         try:
             if len(left):
-                chunks = list(_chunks(requests, left))
+                chunks = list(_batches(requests, left))
                 with closing((executor or LocalExecutor()).run(pairs, chunks)) as computed:
                     for chunk, outcomes in computed:
                         store.append(_table(requests, chunk, outcomes, pairs[chunk.pair]))
@@ -118,7 +135,7 @@ def run_campaign(
 
 
 def _manifest(
-    requests: TrialRequests, pairs: Mapping[tuple[str, str], Pair], sources: Mapping[str, str]
+    requests: TrialRequests, pairs: Mapping[tuple[str, str], TrialSetup], sources: Mapping[str, str]
 ) -> dict[str, Any]:
     used = {pair: pairs[pair] for pair in sorted(requests.pairs())}
     configuration = {
@@ -139,7 +156,7 @@ def _manifest(
     }
 
 
-def _describe(pair: Pair) -> dict[str, Any]:
+def _describe(pair: TrialSetup) -> dict[str, Any]:
     grasp_object = pair.grasp_object
     return {
         "object": grasp_object.name,
@@ -159,16 +176,16 @@ def _rows_left(requests: TrialRequests, kept: pl.DataFrame) -> np.ndarray:
     return np.sort(rows["row"].to_numpy()).astype(np.int64)
 
 
-def _chunks(requests: TrialRequests, left: np.ndarray) -> Iterator[Chunk]:
+def _batches(requests: TrialRequests, left: np.ndarray) -> Iterator[Batch]:
     for pair in requests.pairs():
         mine = np.intersect1d(requests.rows_of(pair), left, assume_unique=True)
         for start in range(0, len(mine), _CHUNK):
             rows = mine[start : start + _CHUNK]
-            yield Chunk(pair, rows, requests.obj_T_est[rows])
+            yield Batch(pair, rows, requests.obj_T_est[rows])
 
 
 def _table(
-    requests: TrialRequests, chunk: Chunk, outcomes: list[Outcome], pair: Pair
+    requests: TrialRequests, chunk: Batch, outcomes: list[Outcome], pair: TrialSetup
 ) -> pl.DataFrame:
     fields = ("success", "reason", "offset_m", "simulated_s", "computed_s", "steps")
     columns = {name: [getattr(outcome, name) for outcome in outcomes] for name in fields}

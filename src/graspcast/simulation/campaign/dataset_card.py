@@ -69,9 +69,12 @@ def card_text(
 ) -> str:
     """The card: how to read the outcomes, what each column is, how they came about, from what.
 
-    Args:
-        outcomes: The campaign's outcomes.
-        manifest: The campaign's manifest.
+    Parameters
+    ----------
+    outcomes
+        The campaign's outcomes.
+    manifest
+        The campaign's manifest.
     """
     versions = manifest["configuration"]
     licences = {name: _LICENCES[name] for name in _LICENCES if name in set(outcomes["dataset"])}

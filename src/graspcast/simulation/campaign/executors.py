@@ -13,24 +13,26 @@ from multiprocessing.connection import wait as wait_for
 from typing import Any, Protocol, runtime_checkable
 
 from graspcast.errors import ExtraMissingError, InputError, WorkerLostError
-from graspcast.simulation.campaign.jobs import Chunk, Pair, run_chunk
+from graspcast.simulation.campaign.jobs import Batch, TrialSetup, run_batch
 from graspcast.simulation.trial.trial import Outcome
 
 __all__ = ["Executor", "LocalExecutor", "RayExecutor", "usable_cores"]
 
-Pairs = Mapping[tuple[str, str], Pair]
-Done = tuple[Chunk, list[Outcome]]
+Pairs = Mapping[tuple[str, str], TrialSetup]
+Done = tuple[Batch, list[Outcome]]
 
 
 @runtime_checkable
 class Executor(Protocol):
     """Computes chunks of trials, in any order."""
 
-    def run(self, pairs: Pairs, chunks: Sequence[Chunk]) -> Generator[Done, None, None]:
+    def run(self, pairs: Pairs, chunks: Sequence[Batch]) -> Generator[Done, None, None]:
         """Yield each chunk with its outcomes as soon as they are known.
 
-        Raises:
-            WorkerLostError: if a worker died and nobody could take its place.
+        Raises
+        ------
+        WorkerLostError
+            If a worker died and nobody could take its place.
         """
         ...
 
@@ -46,11 +48,15 @@ class LocalExecutor:
     Each is started afresh (never forked, which MuJoCo's and polars' threads would not survive), so
     a script that uses more than one must have its ``if __name__ == "__main__":``.
 
-    Args:
-        workers: How many; all usable cores if left out. One computes in this process.
+    Parameters
+    ----------
+    workers
+        How many; all usable cores if left out. One computes in this process.
 
-    Raises:
-        InputError: for fewer than one.
+    Raises
+    ------
+    InputError
+        For fewer than one.
     """
 
     def __init__(self, workers: int | None = None):
@@ -58,15 +64,17 @@ class LocalExecutor:
         if self.workers < 1:
             raise InputError(f"--workers is {workers}; give at least 1")
 
-    def run(self, pairs: Pairs, chunks: Sequence[Chunk]) -> Generator[Done, None, None]:
+    def run(self, pairs: Pairs, chunks: Sequence[Batch]) -> Generator[Done, None, None]:
         """Yield each chunk with its outcomes.
 
-        Raises:
-            WorkerLostError: if a worker died.
+        Raises
+        ------
+        WorkerLostError
+            If a worker died.
         """
         if self.workers == 1:
             for chunk in chunks:
-                yield chunk, run_chunk(pairs[chunk.pair], chunk)
+                yield chunk, run_batch(pairs[chunk.pair], chunk)
             return
         pool = ProcessPoolExecutor(
             self.workers,
@@ -85,10 +93,10 @@ class LocalExecutor:
             pool.shutdown(wait=True, cancel_futures=True)
 
     def _through(
-        self, pool: ProcessPoolExecutor, chunks: Sequence[Chunk]
+        self, pool: ProcessPoolExecutor, chunks: Sequence[Batch]
     ) -> Generator[Done, None, None]:
         waiting = iter(chunks)
-        running: dict[Future[list[Outcome]], Chunk] = {}
+        running: dict[Future[list[Outcome]], Batch] = {}
         while True:
             # Two chunks ahead keep a worker busy; more would only be memory.
             for chunk in _take(waiting, 2 * self.workers - len(running)):
@@ -118,8 +126,8 @@ def _end_with(sentinel: int) -> None:
     os._exit(1)
 
 
-def _run_in_worker(chunk: Chunk) -> list[Outcome]:
-    return run_chunk(_pairs[chunk.pair], chunk)
+def _run_in_worker(chunk: Batch) -> list[Outcome]:
+    return run_batch(_pairs[chunk.pair], chunk)
 
 
 class RayExecutor:
@@ -128,14 +136,18 @@ class RayExecutor:
     The nodes need graspcast of the same version, and Ray. A gripper from an MJCF file must be at
     the same path on each.
 
-    Args:
-        address: The cluster's address; the one this process is connected to, or else the one that
-            Ray finds, if left out.
-        ahead: How many chunks are handed out at a time, at most; twice the cluster's cores if left
-            out.
+    Parameters
+    ----------
+    address
+        The cluster's address; the one this process is connected to, or else the one that Ray finds,
+        if left out.
+    ahead
+        How many chunks are handed out at a time, at most; twice the cluster's cores if left out.
 
-    Raises:
-        ExtraMissingError: if Ray is not installed.
+    Raises
+    ------
+    ExtraMissingError
+        If Ray is not installed.
     """
 
     def __init__(self, address: str | None = None, ahead: int | None = None):
@@ -146,12 +158,15 @@ class RayExecutor:
         self._ray = ray
         self.address, self.ahead = address, ahead
 
-    def run(self, pairs: Pairs, chunks: Sequence[Chunk]) -> Generator[Done, None, None]:
+    def run(self, pairs: Pairs, chunks: Sequence[Batch]) -> Generator[Done, None, None]:
         """Yield each chunk with its outcomes.
 
-        Raises:
-            WorkerLostError: if the cluster cannot be reached, or is lost as a whole.
-            InputError: if a trial failed.
+        Raises
+        ------
+        WorkerLostError
+            If the cluster cannot be reached, or is lost as a whole.
+        InputError
+            If a trial failed.
         """
         ray = self._ray
         if not ray.is_initialized():
@@ -160,10 +175,10 @@ class RayExecutor:
             except (ConnectionError, RuntimeError, ValueError) as error:
                 raise WorkerLostError(f"no Ray cluster could be reached: {error}") from error
         # A chunk has no effect but its outcome, so running it again is always right.
-        remote = ray.remote(num_cpus=1, max_retries=-1)(run_chunk)
+        remote = ray.remote(num_cpus=1, max_retries=-1)(run_batch)
         stored = {name: ray.put(pair) for name, pair in pairs.items()}
         waiting = iter(chunks)
-        running: dict[Any, Chunk] = {}
+        running: dict[Any, Batch] = {}
         while True:
             ahead = self.ahead or 2 * max(1, int(ray.cluster_resources().get("CPU", 1)))
             for chunk in _take(waiting, ahead - len(running)):
@@ -181,5 +196,5 @@ class RayExecutor:
                 yield running.pop(reference), outcomes
 
 
-def _take(chunks: Iterator[Chunk], count: int) -> list[Chunk]:
+def _take(chunks: Iterator[Batch], count: int) -> list[Batch]:
     return [chunk for _, chunk in zip(range(count), chunks, strict=False)]

@@ -20,10 +20,10 @@ from graspcast.pose.transforms import compose, invert
 from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.grasps.table import GraspTable
 
-__all__ = ["guided_trials"]
+__all__ = ["trials_from_estimates"]
 
 
-def guided_trials(
+def trials_from_estimates(
     results: Mapping[str, Mapping[str, Results]],
     datasets: Mapping[str, BopDataset],
     grippers: Sequence[str],
@@ -33,15 +33,23 @@ def guided_trials(
 ) -> TrialRequests:
     """One trial for each estimate that has a ground truth, and each gripper.
 
-    Args:
-        results: Dataset's name to estimator's name to results.
-        datasets: Dataset's name to its BOP directory, with ground truth.
-        grippers: Names of grippers.
-        grasps: If given, objects without a grasp by a gripper are left out, and counted.
-        notes: Gets what was left out, in words.
+    Parameters
+    ----------
+    results
+        Dataset's name to estimator's name to results.
+    datasets
+        Dataset's name to its BOP directory, with ground truth.
+    grippers
+        Names of grippers.
+    grasps
+        If given, objects without a grasp by a gripper are left out, and counted.
+    notes
+        Gets what was left out, in words.
 
-    Raises:
-        MismatchError: if nothing is left, or no estimate of a file has a ground truth.
+    Raises
+    ------
+    MismatchError
+        If nothing is left, or no estimate of a file has a ground truth.
     """
     notes = [] if notes is None else notes
     keys, poses = [], []

@@ -21,16 +21,19 @@ from graspcast.simulation.objects.load import BopDirectories, load_object
 from graspcast.simulation.objects.types import Grasp, GraspObject
 from graspcast.simulation.trial.trial import Outcome, TrialRunner, TrialSettings
 
-__all__ = ["Chunk", "Pair", "load_pairs", "run_chunk"]
+__all__ = ["Batch", "TrialSetup", "load_setups", "run_batch"]
 
 
 @dataclass(frozen=True, eq=False)
-class Pair:
+class TrialSetup:
     """An object, a gripper, the reference grasp, and how it is tried.
 
-    Attributes:
-        settings: How.
-        early_stop: Whether a trial ends as soon as its outcome is certain.
+    Attributes
+    ----------
+    settings
+        How.
+    early_stop
+        Whether a trial ends as soon as its outcome is certain.
     """
 
     grasp_object: GraspObject
@@ -43,8 +46,10 @@ class Pair:
     def digest(self) -> str:
         """SHA-256, as hex, over everything that an outcome depends on besides the estimate.
 
-        Raises:
-            MismatchError: if the object does not stay in its reference pose.
+        Raises
+        ------
+        MismatchError
+            If the object does not stay in its reference pose.
         """
         content = hashlib.sha256(self.runner().digest.encode())
         content.update(np.ascontiguousarray(self.grasp.obj_T_grasp, dtype="<f8").tobytes())
@@ -57,7 +62,7 @@ class Pair:
 
 
 @dataclass(frozen=True, eq=False)
-class Chunk:
+class Batch:
     """Trials of one pair: their row numbers among the requests, and the estimates."""
 
     pair: tuple[str, str]
@@ -65,7 +70,7 @@ class Chunk:
     obj_T_est: Float[ndarray, "n 4 4"]
 
 
-def load_pairs(
+def load_setups(
     requests: TrialRequests,
     grasps: GraspTable,
     *,
@@ -73,22 +78,32 @@ def load_pairs(
     bop_dirs: BopDirectories | None = None,
     catalogue: Catalogue | None = None,
     grippers: Mapping[str, Gripper] | None = None,
-) -> dict[tuple[str, str], Pair]:
+) -> dict[tuple[str, str], TrialSetup]:
     """Load every object and gripper that the requests name, with their reference grasps.
 
-    Args:
-        requests: The trials.
-        grasps: The reference grasps.
-        settings: How to try.
-        bop_dirs, catalogue: Where the objects are, as for :func:`load_object`.
-        grippers: Grippers of one's own by name; the others are built-in ones.
+    Parameters
+    ----------
+    requests
+        The trials.
+    grasps
+        The reference grasps.
+    settings
+        How to try.
+    bop_dirs, catalogue
+        Where the objects are, as for :func:`load_object`.
+    grippers
+        Grippers of one's own by name; the others are built-in ones.
 
-    Returns:
+    Returns
+    -------
         (object, gripper) to what to try.
 
-    Raises:
-        UnknownNameError: for an unknown object or gripper, or a pair without a grasp.
-        InputError: for an object that cannot be loaded.
+    Raises
+    ------
+    UnknownNameError
+        For an unknown object or gripper, or a pair without a grasp.
+    InputError
+        For an object that cannot be loaded.
     """
     references = {pair: grasps(*pair) for pair in requests.pairs()}
     objects = {
@@ -98,7 +113,7 @@ def load_pairs(
     own = grippers or {}
     hands = {g: own[g] if g in own else load_gripper(g) for g in {g for _, g in references}}
     return {
-        (name, gripper): Pair(
+        (name, gripper): TrialSetup(
             grasp_object=reference.applied_to(objects[name]),
             gripper=hands[gripper],
             grasp=reference.grasp,
@@ -111,11 +126,13 @@ def load_pairs(
 _runners: dict[str, TrialRunner] = {}
 
 
-def run_chunk(pair: Pair, chunk: Chunk) -> list[Outcome]:
+def run_batch(pair: TrialSetup, chunk: Batch) -> list[Outcome]:
     """Run the trials of a chunk; the compiled model of a pair stays in the process.
 
-    Raises:
-        InputError: naming the pair, whatever went wrong.
+    Raises
+    ------
+    InputError
+        Naming the pair, whatever went wrong.
     """
     try:
         if pair.digest not in _runners:

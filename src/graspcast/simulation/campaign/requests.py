@@ -32,15 +32,19 @@ _RIGID_TOLERANCE = 1e-6
 class TrialRequests:
     """Trials to run, one a row.
 
-    Attributes:
-        keys: The columns of ``KEY_COLUMNS``, and ``object``, the object's name in the catalogue;
-            where that column is not given it is ``dataset-obj_id``. No row may be there twice.
-        obj_T_est: The estimates seen from the true objects, ``inv(cam_T_gt) @ cam_T_est``, metres,
-            (n, 4, 4).
+    Attributes
+    ----------
+    keys
+        The columns of ``KEY_COLUMNS``, and ``object``, the object's name in the catalogue; where
+        that column is not given it is ``dataset-obj_id``. No row may be there twice.
+    obj_T_est
+        The estimates seen from the true objects, ``inv(cam_T_gt) @ cam_T_est``, metres, (n, 4, 4).
 
-    Raises:
-        InputError: for a missing column, a value that is null, two rows with the same keys, or a
-            pose that is not a finite rigid transform; the first such row is named.
+    Raises
+    ------
+    InputError
+        For a missing column, a value that is null, two rows with the same keys, or a pose that is
+        not a finite rigid transform; the first such row is named.
     """
 
     keys: pl.DataFrame

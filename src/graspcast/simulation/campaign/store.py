@@ -55,8 +55,10 @@ _MOST_SHARDS = 500
 class Store:
     """The directory of a campaign; see the module's docstring.
 
-    Args:
-        directory: Where it is; made by :meth:`begin`.
+    Parameters
+    ----------
+    directory
+        Where it is; made by :meth:`begin`.
     """
 
     def __init__(self, directory: str | PathLike[str]):
@@ -67,8 +69,10 @@ class Store:
     def manifest(self) -> dict[str, Any]:
         """The content of ``manifest.json``.
 
-        Raises:
-            FormatError: if it is missing or damaged.
+        Raises
+        ------
+        FormatError
+            If it is missing or damaged.
         """
         path = self.directory / MANIFEST
         try:
@@ -84,10 +88,13 @@ class Store:
     def begin(self, manifest: Mapping[str, Any]) -> None:
         """Start a campaign here, or go on with it.
 
-        Raises:
-            MismatchError: if a campaign of another configuration is here; its differences are
-                named, and nothing is touched.
-            InputError: if the directory holds other files, or cannot be written.
+        Raises
+        ------
+        MismatchError
+            If a campaign of another configuration is here; its differences are named, and nothing
+            is touched.
+        InputError
+            If the directory holds other files, or cannot be written.
         """
         if (self.directory / MANIFEST).exists():
             self._check_same(manifest)
@@ -123,8 +130,10 @@ class Store:
     def lock(self) -> Iterator[None]:
         """Hold the directory; the lock goes with the process, however that ends.
 
-        Raises:
-            InputError: if another process holds it.
+        Raises
+        ------
+        InputError
+            If another process holds it.
         """
         try:
             import fcntl
@@ -149,8 +158,10 @@ class Store:
     def append(self, outcomes: pl.DataFrame) -> None:
         """Keep outcomes, in one new shard.
 
-        Raises:
-            InputError: if they cannot be written, for one because the disk is full.
+        Raises
+        ------
+        InputError
+            If they cannot be written, for one because the disk is full.
         """
         self._write(self.directory / SHARDS / f"{uuid.uuid4().hex}.parquet", outcomes)
         self._shards += 1
@@ -168,8 +179,10 @@ class Store:
     def outcomes(self) -> pl.DataFrame:
         """Everything that is kept so far, sorted by keys, nothing twice.
 
-        Raises:
-            FormatError: if the directory is no campaign's, or one of its files is damaged.
+        Raises
+        ------
+        FormatError
+            If the directory is no campaign's, or one of its files is damaged.
         """
         self.manifest  # noqa: B018 - an empty answer for a wrong directory would mislead
         parts = [_read(path) for path in self._files()]

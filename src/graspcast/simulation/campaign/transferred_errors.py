@@ -21,13 +21,13 @@ from graspcast.pose.ray_frame import error_along, relative
 from graspcast.pose.transforms import compose, invert, rotation_from_quaternion
 from graspcast.simulation.campaign.requests import TrialRequests
 
-__all__ = ["BORROWED", "borrowed_trials"]
+__all__ = ["TRANSFERRED", "trials_from_transferred_errors"]
 
-BORROWED = "borrowed"
+TRANSFERRED = "transferred"
 """What stands in the column ``estimator`` of such a trial."""
 
 
-def borrowed_trials(
+def trials_from_transferred_errors(
     results: Mapping[str, Mapping[str, Results]],
     datasets: Mapping[str, BopDataset],
     pairs: Sequence[tuple[str, str]],
@@ -37,17 +37,25 @@ def borrowed_trials(
 ) -> TrialRequests:
     """``count`` trials of each object with each gripper, by errors made on other objects.
 
-    Args:
-        results: Dataset's name to estimator's name to results, to borrow errors from.
-        datasets: Dataset's name to its BOP directory, with ground truth.
-        pairs: Objects (``dataset-number``) and grippers.
-        count: Trials of each pair.
-        seed: Of which errors, and from which side.
+    Parameters
+    ----------
+    results
+        Dataset's name to estimator's name to results, to borrow errors from.
+    datasets
+        Dataset's name to its BOP directory, with ground truth.
+    pairs
+        Objects (``dataset-number``) and grippers.
+    count
+        Trials of each pair.
+    seed
+        Of which errors, and from which side.
 
-    Raises:
-        InputError: for a count below 1.
-        MismatchError: if there is no error of another object, or no estimate of a file has a
-            ground truth.
+    Raises
+    ------
+    InputError
+        For a count below 1.
+    MismatchError
+        If there is no error of another object, or no estimate of a file has a ground truth.
     """
     if count < 1:
         raise InputError(f"at least one error is to be borrowed for each object, not {count}")
@@ -67,7 +75,7 @@ def borrowed_trials(
         poses.append(error_along(axes, distances[rows], truths[rows]))
         keys.append(
             pl.DataFrame({"im_id": np.arange(count)}).with_columns(
-                estimator=pl.lit(BORROWED),
+                estimator=pl.lit(TRANSFERRED),
                 dataset=pl.lit(dataset),
                 scene_id=pl.lit(0),
                 obj_id=pl.lit(int(number)),

@@ -1,1 +1,1 @@
-"""TODO grasps."""
+"""Reference grasps, and the search for them."""

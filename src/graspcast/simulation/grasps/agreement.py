@@ -17,14 +17,20 @@ __all__ = ["Agreement", "agreement"]
 class Agreement:
     """Agreement of two binary outcomes of the same trials.
 
-    Attributes:
-        n: Trials.
-        accuracy: Share of them with the same outcome.
-        kappa: Cohen's kappa; 0 where either side has one outcome only.
-        majority: What always guessing the more frequent given outcome would reach.
-        given_rate, simulated_rate: Success rates.
-        standard_error: Of ``accuracy``, as if trials were independent. Frames are video, so the
-            true one is larger.
+    Attributes
+    ----------
+    n
+        Trials.
+    accuracy
+        Share of them with the same outcome.
+    kappa
+        Cohen's kappa; 0 where either side has one outcome only.
+    majority
+        What always guessing the more frequent given outcome would reach.
+    given_rate, simulated_rate
+        Success rates.
+    standard_error
+        Of ``accuracy``, as if trials were independent. Frames are video, so the true one is larger.
     """
 
     n: int
@@ -43,8 +49,10 @@ def agreement(
 ) -> Agreement:
     """Compare outcomes; with ``weights``, as if each trial stood for so many.
 
-    Raises:
-        InputError: for no trials at all.
+    Raises
+    ------
+    InputError
+        For no trials at all.
     """
     if not len(given):
         raise InputError("there are no trials to compare outcomes of")

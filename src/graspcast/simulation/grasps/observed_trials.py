@@ -14,21 +14,25 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.estimates.image_split import Part, frames_of, part_of
-from graspcast.simulation.campaign.from_estimates import guided_trials
+from graspcast.simulation.campaign.from_estimates import trials_from_estimates
 from graspcast.simulation.campaign.requests import KEY_COLUMNS, TrialRequests
 from graspcast.simulation.grasps.sampling import FittedTrials
 
-__all__ = ["LabelledTrials", "labelled_trials"]
+__all__ = ["ObservedTrials", "observed_trials"]
 
 
 @dataclass(frozen=True, eq=False)
-class LabelledTrials:
+class ObservedTrials:
     """Trials with given outcomes.
 
-    Attributes:
-        requests: The trials.
-        success: Their given outcomes, (n,).
-        part: The part of the images that each belongs to, as text, (n,).
+    Attributes
+    ----------
+    requests
+        The trials.
+    success
+        Their given outcomes, (n,).
+    part
+        The part of the images that each belongs to, as text, (n,).
     """
 
     requests: TrialRequests
@@ -38,8 +42,10 @@ class LabelledTrials:
     def of(self, name: str, gripper: str, part: Part) -> FittedTrials:
         """The trials of one object and gripper in one part of the images.
 
-        Raises:
-            UnknownNameError: if there are none of this object with this gripper.
+        Raises
+        ------
+        UnknownNameError
+            If there are none of this object with this gripper.
         """
         pairs = self.requests.pairs()
         if (name, gripper) not in pairs:
@@ -50,23 +56,29 @@ class LabelledTrials:
         return FittedTrials(self.requests.obj_T_est[rows], self.success[rows])
 
 
-def labelled_trials(
+def observed_trials(
     results: Mapping[str, Mapping[str, Results]],
     datasets: Mapping[str, BopDataset],
     outcomes: pl.DataFrame,
-) -> LabelledTrials:
+) -> ObservedTrials:
     """Join estimates, ground truth and given outcomes.
 
-    Args:
-        results: Dataset's name to estimator's name to results.
-        datasets: Dataset's name to its BOP directory, with ground truth.
-        outcomes: As :func:`graspcast.estimates.outcomes.read_outcomes` returns them.
+    Parameters
+    ----------
+    results
+        Dataset's name to estimator's name to results.
+    datasets
+        Dataset's name to its BOP directory, with ground truth.
+    outcomes
+        As :func:`graspcast.estimates.outcomes.read_outcomes` returns them.
 
-    Raises:
-        InputError: if no estimate has a given outcome.
+    Raises
+    ------
+    InputError
+        If no estimate has a given outcome.
     """
     grippers = outcomes["gripper"].unique().sort().to_list()
-    asked = guided_trials(results, datasets, grippers)
+    asked = trials_from_estimates(results, datasets, grippers)
     joined = (
         asked.keys.with_row_index("row")
         .join(outcomes.select(*KEY_COLUMNS, "success"), on=list(KEY_COLUMNS), how="inner")
@@ -77,7 +89,7 @@ def labelled_trials(
     requests = asked.select(joined["row"].to_numpy().astype(np.int64))
     keys = requests.keys
     frames = frames_of({name: dataset.ground_truth for name, dataset in datasets.items()})
-    return LabelledTrials(
+    return ObservedTrials(
         requests=requests,
         success=joined["success"].to_numpy().astype(bool),
         part=part_of(

@@ -41,10 +41,14 @@ def surface_points(
 class OpenHand:
     """The colliding parts of an open hand as boxes, each in its own frame, seen from the TCP.
 
-    Attributes:
-        tcp_T_box: Frames of the boxes, (g, 4, 4).
-        half: Half sizes of the boxes, metres, (g, 3).
-        opening_m: Distance between the open fingers.
+    Attributes
+    ----------
+    tcp_T_box
+        Frames of the boxes, (g, 4, 4).
+    half
+        Half sizes of the boxes, metres, (g, 3).
+    opening_m
+        Distance between the open fingers.
     """
 
     tcp_T_box: Float[ndarray, "g 4 4"]
@@ -84,11 +88,15 @@ class OpenHand:
 
         The hand must be clear of the object when it arrives, and have it between the fingers.
 
-        Args:
-            obj_T_grasp: The grasp.
-            est_T_points: Points of the object as each estimate sees them: in the object's frame
-                if the estimate were true.
-            penetration_m: How deep a point may be inside the hand.
+        Parameters
+        ----------
+        obj_T_grasp
+            The grasp.
+        est_T_points
+            Points of the object as each estimate sees them: in the object's frame if the estimate
+            were true.
+        penetration_m
+            How deep a point may be inside the hand.
         """
         grasp_T_obj = invert(obj_T_grasp)
         points = est_T_points @ grasp_T_obj[:3, :3].T + grasp_T_obj[:3, 3]

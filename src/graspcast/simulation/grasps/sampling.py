@@ -19,9 +19,12 @@ _NEAR_M, _NEAR_RAD = 0.06, np.deg2rad(30.0)
 class FittedTrials:
     """Estimates of one object and the outcomes that one gripper is said to have had.
 
-    Attributes:
-        obj_T_est: The estimates seen from the true object, metres, (n, 4, 4).
-        success: Given outcomes, (n,).
+    Attributes
+    ----------
+    obj_T_est
+        The estimates seen from the true object, metres, (n, 4, 4).
+    success
+        Given outcomes, (n,).
     """
 
     obj_T_est: Float[ndarray, "n 4 4"]

@@ -50,14 +50,21 @@ _NEARBY = ((1.0, 0.7), (1.0, 1.4), (0.5, 1.0), (2.0, 1.0))
 class SearchEffort:
     """How much is tried.
 
-    Attributes:
-        proposals: Grasps proposed from the shape and ranked by geometry.
-        racers: How many of them race in simulation.
-        children: Variations in each of the two rounds of refinement.
-        first: Trials of every racer in a race's first heat; each further heat halves the racers
-            and doubles the trials.
-        last: Trials after which a race is over.
-        choose: Trials of each finalist on the choose part.
+    Attributes
+    ----------
+    proposals
+        Grasps proposed from the shape and ranked by geometry.
+    racers
+        How many of them race in simulation.
+    children
+        Variations in each of the two rounds of refinement.
+    first
+        Trials of every racer in a race's first heat; each further heat halves the racers and
+        doubles the trials.
+    last
+        Trials after which a race is over.
+    choose
+        Trials of each finalist on the choose part.
     """
 
     proposals: int = 600
@@ -88,14 +95,22 @@ class _Candidate:
 class FittedGrasp:
     """The grasp found.
 
-    Attributes:
-        grasp: The grasp itself.
-        mass_kg, friction: With which it was found.
-        origin: How it came about.
-        fit, choose: Agreement on the two parts; on the fit part as weighted in the search.
-        held: Of 20 perfect estimates jittered by 1 mm and 1 degree, how many were held.
-        candidates: Grasps (and frictions and masses) tried in simulation.
-        trials: Trials simulated.
+    Attributes
+    ----------
+    grasp
+        The grasp itself.
+    mass_kg, friction
+        With which it was found.
+    origin
+        How it came about.
+    fit, choose
+        Agreement on the two parts; on the fit part as weighted in the search.
+    held
+        Of 20 perfect estimates jittered by 1 mm and 1 degree, how many were held.
+    candidates
+        Grasps (and frictions and masses) tried in simulation.
+    trials
+        Trials simulated.
     """
 
     grasp: Grasp
@@ -169,22 +184,35 @@ def fit_grasp(
 ) -> FittedGrasp:
     """Find the reference grasp that agrees best with given outcomes.
 
-    Args:
-        grasp_object: The object, with the mass and friction to begin with.
-        gripper: The gripper.
-        fit: What to search on.
-        choose: What decides among the finalists.
-        seed: Of all that is random; the same seed finds the same grasp.
-        effort: How much to try.
-        start: Grasps (``obj_T_grasp``) that race along with the proposals.
-        hold_perfect: Whether only grasps that hold a perfect estimate count. Given outcomes can
-            contradict that: where trials with hardly an error failed, no such grasp can agree.
-        settings: Of the trials; searching, the lift is cut to 3 s.
-        progress: Called with what is being done, the share of the races that are over, and the
-            agreement of the best so far.
+    Parameters
+    ----------
+    grasp_object
+        The object, with the mass and friction to begin with.
+    gripper
+        The gripper.
+    fit
+        What to search on.
+    choose
+        What decides among the finalists.
+    seed
+        Of all that is random; the same seed finds the same grasp.
+    effort
+        How much to try.
+    start
+        Grasps (``obj_T_grasp``) that race along with the proposals.
+    hold_perfect
+        Whether only grasps that hold a perfect estimate count. Given outcomes can contradict that:
+        where trials with hardly an error failed, no such grasp can agree.
+    settings
+        Of the trials; searching, the lift is cut to 3 s.
+    progress
+        Called with what is being done, the share of the races that are over, and the agreement of
+        the best so far.
 
-    Raises:
-        InputError: if a part has no trials, or no grasp at all holds a perfect estimate.
+    Raises
+    ------
+    InputError
+        If a part has no trials, or no grasp at all holds a perfect estimate.
     """
     for name, part in (("fit", fit), ("choose", choose)):
         if not len(part):

@@ -32,12 +32,17 @@ _HEADER = """\
 class ReferenceGrasp:
     """The reference grasp of an object by a gripper, and how it was found.
 
-    Attributes:
-        grasp: The grasp itself.
-        provenance: How it was found, for people to read.
-        mass_kg, friction: What replaces the object's own values in trials with this gripper.
-        agreement: Figures about it, by name: how well simulated outcomes agree with given ones on
-            each part of the images, how many candidates were tried.
+    Attributes
+    ----------
+    grasp
+        The grasp itself.
+    provenance
+        How it was found, for people to read.
+    mass_kg, friction
+        What replaces the object's own values in trials with this gripper.
+    agreement
+        Figures about it, by name: how well simulated outcomes agree with given ones on each part of
+        the images, how many candidates were tried.
     """
 
     grasp: Grasp
@@ -65,8 +70,10 @@ class GraspTable:
     def __call__(self, object_name: str, gripper: str) -> ReferenceGrasp:
         """The grasp of an object by a gripper.
 
-        Raises:
-            UnknownNameError: listing the grippers that have a grasp of this object.
+        Raises
+        ------
+        UnknownNameError
+            Listing the grippers that have a grasp of this object.
         """
         reference = self._grasps.get((object_name, gripper))
         if reference is None:
@@ -109,8 +116,10 @@ def read_grasps(path: str | PathLike[str] | None = None) -> GraspTable:
         [grasp.agreement]                   # optional figures
         candidates = 24
 
-    Raises:
-        FormatError: naming the entry and the key.
+    Raises
+    ------
+    FormatError
+        Naming the entry and the key.
     """
     built_in = Path(str(files("graspcast.simulation.grasps") / "grasps.toml"))
     table = GraspTable(grasps_in(built_in))

@@ -23,13 +23,18 @@ _OTHER_NAMES = {"franka": "parallel", "tendon_hand": "underactuated"}
 def load_gripper(name_or_path: str | PathLike[str]) -> Gripper:
     """A built-in gripper by its name, or a user's own from its TOML file.
 
-    Args:
-        name_or_path: ``"parallel"`` (or ``"franka"``), ``"underactuated"`` (or
-            ``"tendon_hand"``), or a path that ends in ``.toml``.
+    Parameters
+    ----------
+    name_or_path
+        ``"parallel"`` (or ``"franka"``), ``"underactuated"`` (or ``"tendon_hand"``), or a path that
+        ends in ``.toml``.
 
-    Raises:
-        UnknownNameError: for a name that is neither.
-        FormatError: for a TOML or MJCF that does not describe a gripper.
+    Raises
+    ------
+    UnknownNameError
+        For a name that is neither.
+    FormatError
+        For a TOML or MJCF that does not describe a gripper.
     """
     path = Path(name_or_path)
     if path.suffix == ".toml":

@@ -26,14 +26,21 @@ class FrankaHand:
     Stroke, frames, pads and masses are those of the manufacturer's hand as MuJoCo Menagerie gives
     them; the grip force is a choice within the manual's 30 to 70 N of continuous force.
 
-    Attributes:
-        grip_n: Force with which each finger presses.
-        finger_speed: Speed of each finger, m/s (the manual's 50 mm/s).
-        stroke_m: Travel of each finger.
-        stiffness: Of the drive's position servo, N/m; it saturates at ``grip_n``.
-        reflected_kg: The drive's inertia as each finger feels it.
-        gear_damping: Viscous friction of the drive on each finger, Ns/m. It keeps a finger that
-            slips off an edge from shooting ahead where the servo saturates.
+    Attributes
+    ----------
+    grip_n
+        Force with which each finger presses.
+    finger_speed
+        Speed of each finger, m/s (the manual's 50 mm/s).
+    stroke_m
+        Travel of each finger.
+    stiffness
+        Of the drive's position servo, N/m; it saturates at ``grip_n``.
+    reflected_kg
+        The drive's inertia as each finger feels it.
+    gear_damping
+        Viscous friction of the drive on each finger, Ns/m. It keeps a finger that slips off an edge
+        from shooting ahead where the servo saturates.
     """
 
     grip_n: float = 60.0

@@ -54,11 +54,15 @@ class MjcfGripper:
     def from_toml(cls, path: str | PathLike[str]) -> MjcfGripper:
         """Read the TOML and check it against its MJCF.
 
-        Raises:
-            InputError: if a file cannot be read.
-            FormatError: if the TOML lacks or misspells a key, or MuJoCo cannot compile the MJCF,
-                or the MJCF has not exactly one fixed root body.
-            UnknownNameError: if an actuator or the site is not in the MJCF.
+        Raises
+        ------
+        InputError
+            If a file cannot be read.
+        FormatError
+            If the TOML lacks or misspells a key, or MuJoCo cannot compile the MJCF, or the MJCF has
+            not exactly one fixed root body.
+        UnknownNameError
+            If an actuator or the site is not in the MJCF.
         """
         path = Path(path)
         table = _read(path)

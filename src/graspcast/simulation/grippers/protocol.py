@@ -22,10 +22,14 @@ class Closing:
 
     The ramp goes on during the lift if the hand comes to rest on the object before its end.
 
-    Attributes:
-        open: Control of every actuator of the hand when open, in the actuator's unit.
-        close: Control of the same actuators when closed, held until the end of the trial.
-        seconds: Duration of the ramp from open to closed.
+    Attributes
+    ----------
+    open
+        Control of every actuator of the hand when open, in the actuator's unit.
+    close
+        Control of the same actuators when closed, held until the end of the trial.
+    seconds
+        Duration of the ramp from open to closed.
     """
 
     open: Mapping[str, float]
@@ -46,13 +50,19 @@ class Closing:
 class Equilibrium:
     """When the closing hand has come to rest: nothing changed by more than this over ``window_s``.
 
-    Attributes:
-        window_s: The time over which changes are measured.
-        motion_m: Largest motion of any finger joint and of the object; a hinge counts by the arc
-            that it moves at ``lever_m``.
-        lever_m: Lever that turns angles into distances.
-        force_fraction: Largest change of any actuator's force, as a part of the largest force.
-        limit_s: After this time the trial goes on whether or not there is an equilibrium.
+    Attributes
+    ----------
+    window_s
+        The time over which changes are measured.
+    motion_m
+        Largest motion of any finger joint and of the object; a hinge counts by the arc that it
+        moves at ``lever_m``.
+    lever_m
+        Lever that turns angles into distances.
+    force_fraction
+        Largest change of any actuator's force, as a part of the largest force.
+    limit_s
+        After this time the trial goes on whether or not there is an equilibrium.
     """
 
     window_s: float = 0.06

@@ -33,28 +33,49 @@ class TendonHand:
     Lengths in metres, angles in radians, torques in newton metres. Every digit has a proximal and
     a distal flexion joint; a pair is (proximal, distal).
 
-    Attributes:
-        links_m: Lengths of the links (published).
-        radius_m: Radius of the links, half of the published width.
-        link_masses_kg: Masses of the links (assumed).
-        finger_gap_m: Distance between the two fingers (published).
-        base_gap_m: Distance from thumb base to finger base (read off a published drawing).
-        open_rad: Joint angles at the open stops (assumed, like all that follows).
-        closed_rad: Joint angles at the closed stops.
-        pulleys_m: Radii on which the tendon flexes the joints. A fingertip pinch balances where
-            the ratio distal / proximal is l / (proximal length + l), l from the distal joint.
-        springs: Stiffness of the extending springs, Nm/rad.
-        preload: Torque of the springs at the open stops, Nm.
-        damping: Of every joint, Nms/rad.
-        armature: Of every joint, kg m^2.
-        tendon_stiffness: N/m of each tendon, which only pulls.
-        motor_n: Largest force of the one motor, shared by the three tendons.
-        motor_kg: The motor's inertia, as the tendons feel it.
-        motor_stiffness: Of the motor's position servo, N/m.
-        motor_damping: Viscous friction of the motor, Ns/m; it acts also where the servo saturates.
-        travel_m: Tendon travel that the motor is commanded to.
-        close_s: Time of that command's ramp.
-        tcp_depth_m: Distance of the tool centre point from the palm's face.
+    Attributes
+    ----------
+    links_m
+        Lengths of the links (published).
+    radius_m
+        Radius of the links, half of the published width.
+    link_masses_kg
+        Masses of the links (assumed).
+    finger_gap_m
+        Distance between the two fingers (published).
+    base_gap_m
+        Distance from thumb base to finger base (read off a published drawing).
+    open_rad
+        Joint angles at the open stops (assumed, like all that follows).
+    closed_rad
+        Joint angles at the closed stops.
+    pulleys_m
+        Radii on which the tendon flexes the joints. A fingertip pinch balances where the ratio
+        distal / proximal is l / (proximal length + l), l from the distal joint.
+    springs
+        Stiffness of the extending springs, Nm/rad.
+    preload
+        Torque of the springs at the open stops, Nm.
+    damping
+        Of every joint, Nms/rad.
+    armature
+        Of every joint, kg m^2.
+    tendon_stiffness
+        N/m of each tendon, which only pulls.
+    motor_n
+        Largest force of the one motor, shared by the three tendons.
+    motor_kg
+        The motor's inertia, as the tendons feel it.
+    motor_stiffness
+        Of the motor's position servo, N/m.
+    motor_damping
+        Viscous friction of the motor, Ns/m; it acts also where the servo saturates.
+    travel_m
+        Tendon travel that the motor is commanded to.
+    close_s
+        Time of that command's ramp.
+    tcp_depth_m
+        Distance of the tool centre point from the palm's face.
     """
 
     links_m: tuple[float, float] = (0.050, 0.040)

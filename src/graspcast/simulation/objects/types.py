@@ -44,20 +44,32 @@ Piece = ConvexPiece | Primitive
 class GraspObject:
     """An object that can be grasped, in its own frame; metres, kilograms.
 
-    Attributes:
-        name: For example ``"lmo-1"`` or ``"ycbv-4"``, or a user's own name.
-        vertices: The mesh, in the object's frame.
-        faces: Triangles of the mesh.
-        pieces: The collision shape.
-        mass_kg: Mass.
-        friction: Coefficient of sliding (Coulomb) friction against fingers and table.
-        centroid: Centre of mass at uniform density.
-        inertia: Moments about the centroid along the object's axes, kg m^2.
-        sim_T_ref: The reference pose: the object at rest on the table, which is the plane z = 0.
+    Attributes
+    ----------
+    name
+        For example ``"lmo-1"`` or ``"ycbv-4"``, or a user's own name.
+    vertices
+        The mesh, in the object's frame.
+    faces
+        Triangles of the mesh.
+    pieces
+        The collision shape.
+    mass_kg
+        Mass.
+    friction
+        Coefficient of sliding (Coulomb) friction against fingers and table.
+    centroid
+        Centre of mass at uniform density.
+    inertia
+        Moments about the centroid along the object's axes, kg m^2.
+    sim_T_ref
+        The reference pose: the object at rest on the table, which is the plane z = 0.
 
-    Raises:
-        InputError: for a mass that is not positive, a negative friction, no collision piece, an
-            inertia that no body has, or a reference pose that is not a rigid transform.
+    Raises
+    ------
+    InputError
+        For a mass that is not positive, a negative friction, no collision piece, an inertia that no
+        body has, or a reference pose that is not a rigid transform.
     """
 
     name: str
@@ -90,10 +102,14 @@ class Grasp:
     In the TCP's frame z is the direction of approach, from the palm out along the fingers, and x
     the direction in which the fingers close.
 
-    Attributes:
-        obj_T_grasp: Pose of the TCP's frame in the object's frame.
-        object: The object's name.
-        gripper: The gripper's name.
+    Attributes
+    ----------
+    obj_T_grasp
+        Pose of the TCP's frame in the object's frame.
+    object
+        The object's name.
+    gripper
+        The gripper's name.
     """
 
     obj_T_grasp: Float[ndarray, "4 4"]

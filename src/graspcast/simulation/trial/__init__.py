@@ -1,1 +1,1 @@
-"""TODO trial."""
+"""One grasp trial: settings, scene, course and outcome."""

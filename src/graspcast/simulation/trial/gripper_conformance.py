@@ -39,8 +39,10 @@ def check_gripper(gripper: Gripper) -> GripperReport:
     (``misses``), drops what is too heavy (``drops``), and does the same again, bit by bit
     (``repeats``).
 
-    Args:
-        gripper: For example ``load_gripper("my_gripper.toml")``.
+    Parameters
+    ----------
+    gripper
+        For example ``load_gripper("my_gripper.toml")``.
     """
     checks: list[Check] = []
     bench: dict[str, Any] = {}
@@ -57,10 +59,14 @@ def check_gripper(gripper: Gripper) -> GripperReport:
 def test_column(width_m: float, *, mass_kg: float = 0.3, friction: float = 0.8) -> GraspObject:
     """A square column standing on the table, three times as high as wide; its origin is its middle.
 
-    Args:
-        width_m: Side of the square.
-        mass_kg: Its mass.
-        friction: Its coefficient of friction.
+    Parameters
+    ----------
+    width_m
+        Side of the square.
+    mass_kg
+        Its mass.
+    friction
+        Its coefficient of friction.
     """
     size = np.array([width_m, width_m, 3 * width_m])
     corners = np.array(np.meshgrid(*[(-s / 2, s / 2) for s in size])).reshape(3, -1).T

@@ -24,11 +24,16 @@ _SAME_M, _SAME_RAD = 5e-4, 5e-3
 class State:
     """Where everything is at one time of a trial.
 
-    Attributes:
-        phase: ``"approach"``, ``"close"`` or ``"lift"``.
-        time_s: Since the hand left the pre-grasp.
-        sim_T_obj, sim_T_base: Poses of the object and of the hand's base.
-        hand_joints: Positions of the hand's joints, in the model's order; metres or radians.
+    Attributes
+    ----------
+    phase
+        ``"approach"``, ``"close"`` or ``"lift"``.
+    time_s
+        Since the hand left the pre-grasp.
+    sim_T_obj, sim_T_base
+        Poses of the object and of the hand's base.
+    hand_joints
+        Positions of the hand's joints, in the model's order; metres or radians.
     """
 
     phase: str
@@ -42,10 +47,14 @@ class State:
 class Recording:
     """A trial's states, at least one, and what came of it.
 
-    Attributes:
-        outcome: The outcome.
-        states: In order of time.
-        sim_T_est: Where the estimate says that the object is.
+    Attributes
+    ----------
+    outcome
+        The outcome.
+    states
+        In order of time.
+    sim_T_est
+        Where the estimate says that the object is.
     """
 
     outcome: Outcome
@@ -83,8 +92,10 @@ def record_trial(
 ) -> Recording:
     """Run a trial as :meth:`TrialRunner.run` does, and keep what is to be seen of it.
 
-    Raises:
-        InputError, MismatchError: as :meth:`TrialRunner.run`.
+    Raises
+    ------
+    InputError, MismatchError
+        As :meth:`TrialRunner.run`.
     """
     scene = runner.scene
     joints = scene.model.jnt_qposadr[scene.hand_joints]

@@ -188,8 +188,10 @@ def _ignore(message: str) -> None:
 def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSettings) -> Scene:
     """Compile the scene and let object and open hand come to rest, far from each other.
 
-    Raises:
-        MismatchError: if the object does not stay in its reference pose.
+    Raises
+    ------
+    MismatchError
+        If the object does not stay in its reference pose.
     """
     if mujoco.get_mju_user_warning() is None:
         # By default MuJoCo writes a log file into the working directory.

@@ -19,28 +19,49 @@ class TrialSettings:
     The paper states the lift time and leaves the tolerance to the authors' release (5 cm); every
     other value is this project's choice.
 
-    Attributes:
-        standoff_m: Distance between the pre-grasp and the grasp, backwards along the approach.
-        approach_speed: Speed of the approach, m/s.
-        lift_speed: Speed of the lift, m/s, reached within ``lift_ramp_s``.
-        lift_s: Duration of the lift, ramp included.
-        lift_ramp_s: Time in which the lift reaches its speed.
-        tolerance_m: Largest change of the object's centroid in the hand's frame that is a success.
-        settle_s: Pause between the end of the approach and the start of closing.
-        arm_force_n: Largest force with which the arm pushes the hand along its approach.
-        overlap_m: The open hand starts blocked if it is deeper than this in object or table.
-        hand_touches_table: Whether the table stops the hand; if not, only the object feels it.
-        timestep: Seconds a simulation step.
-        integrator: MuJoCo's integrator.
-        cone: MuJoCo's friction cone.
-        impratio: MuJoCo's ratio of frictional to normal constraint impedance. With the elliptic
-            cone, 2000 holds creep under 10 um/s at no cost; at 10 it is 150 um/s.
-        noslip_iterations: MuJoCo's no-slip iterations, the dearer way of stopping creep.
-        condim: Dimension of the contacts of the object with the hand: 3 sliding, 4 with torsion.
-        torsion_m: Torsional friction, as MuJoCo has it (the radius of the contact patch), metres.
-        solref: MuJoCo's contact time constant (s) and damping ratio.
-        solimp: MuJoCo's contact impedance: at touch, at ``width``, and the width in metres.
-        iterations: Limit of the constraint solver.
+    Attributes
+    ----------
+    standoff_m
+        Distance between the pre-grasp and the grasp, backwards along the approach.
+    approach_speed
+        Speed of the approach, m/s.
+    lift_speed
+        Speed of the lift, m/s, reached within ``lift_ramp_s``.
+    lift_s
+        Duration of the lift, ramp included.
+    lift_ramp_s
+        Time in which the lift reaches its speed.
+    tolerance_m
+        Largest change of the object's centroid in the hand's frame that is a success.
+    settle_s
+        Pause between the end of the approach and the start of closing.
+    arm_force_n
+        Largest force with which the arm pushes the hand along its approach.
+    overlap_m
+        The open hand starts blocked if it is deeper than this in object or table.
+    hand_touches_table
+        Whether the table stops the hand; if not, only the object feels it.
+    timestep
+        Seconds a simulation step.
+    integrator
+        MuJoCo's integrator.
+    cone
+        MuJoCo's friction cone.
+    impratio
+        MuJoCo's ratio of frictional to normal constraint impedance. With the elliptic cone, 2000
+        holds creep under 10 um/s at no cost; at 10 it is 150 um/s.
+    noslip_iterations
+        MuJoCo's no-slip iterations, the dearer way of stopping creep.
+    condim
+        Dimension of the contacts of the object with the hand: 3 sliding, 4 with torsion.
+    torsion_m
+        Torsional friction, as MuJoCo has it (the radius of the contact patch), metres.
+    solref
+        MuJoCo's contact time constant (s) and damping ratio.
+    solimp
+        MuJoCo's contact impedance: at touch, at ``width``, and the width in metres.
+    iterations
+        Limit of the constraint solver.
     """
 
     standoff_m: float = 0.10

@@ -41,20 +41,27 @@ _COMMAND_S, _CHECK_S, _RECORD_S = 0.02, 0.1, 0.02
 class Outcome:
     """What came of a trial, and why.
 
-    Attributes:
-        success: Whether the object is still where it was in the hand, within the tolerance.
-        reason: ``held`` is the one success. Failures: ``blocked``, the open hand would start in
-            the object or the table; ``missed``, the closed hand did not touch the object with at
-            least two of its parts, nor does it touch it at the end; ``dropped``, it did, but at
-            the end it does not touch the object; ``slipped``, it touches it at the end, but the
-            object has moved too far; ``unstable``, the simulation blew up.
-        offset_m: Distance between the object's centroid in the hand's base frame after closing
-            and after the lift. If the trial was stopped early, the distance when it was stopped
-            for an object in the hand, and for one left behind the one that the lift would have
-            brought it to. NaN if blocked or unstable.
-        simulated_s: Seconds of simulated time.
-        computed_s: Seconds of computing; the one field that differs between equal trials.
-        steps: Simulation steps.
+    Attributes
+    ----------
+    success
+        Whether the object is still where it was in the hand, within the tolerance.
+    reason
+        ``held`` is the one success. Failures: ``blocked``, the open hand would start in the object
+        or the table; ``missed``, the closed hand did not touch the object with at least two of its
+        parts, nor does it touch it at the end; ``dropped``, it did, but at the end it does not
+        touch the object; ``slipped``, it touches it at the end, but the object has moved too far;
+        ``unstable``, the simulation blew up.
+    offset_m
+        Distance between the object's centroid in the hand's base frame after closing and after the
+        lift. If the trial was stopped early, the distance when it was stopped for an object in the
+        hand, and for one left behind the one that the lift would have brought it to. NaN if blocked
+        or unstable.
+    simulated_s
+        Seconds of simulated time.
+    computed_s
+        Seconds of computing; the one field that differs between equal trials.
+    steps
+        Simulation steps.
     """
 
     success: bool
@@ -71,18 +78,28 @@ class TrialRunner:
     A runner gives bitwise the same outcome for the same input, whatever it ran before. It holds
     one simulation state: give each thread or process its own runner.
 
-    Args:
-        grasp_object: What to grasp.
-        gripper: With what.
-        settings: How.
+    Parameters
+    ----------
+    grasp_object
+        What to grasp.
+    gripper
+        With what.
+    settings
+        How.
 
-    Attributes:
-        digest: SHA-256, as hex, over the object, the gripper and every setting.
-        mujoco_version: Version of the physics engine.
-        scene: The compiled model and its state.
+    Attributes
+    ----------
+    digest
+        SHA-256, as hex, over the object, the gripper and every setting.
+    mujoco_version
+        Version of the physics engine.
+    scene
+        The compiled model and its state.
 
-    Raises:
-        MismatchError: if the object does not stay in its reference pose.
+    Raises
+    ------
+    MismatchError
+        If the object does not stay in its reference pose.
     """
 
     def __init__(
@@ -114,17 +131,24 @@ class TrialRunner:
     ) -> Outcome:
         """Try the grasp that an estimate would guide.
 
-        Args:
-            obj_T_est: The estimate seen from the true object,
-                ``inv(cam_T_gt) @ cam_T_est``; the identity is a perfect estimate.
-            grasp: The reference grasp of this object by this gripper.
-            early_stop: Whether to end as soon as the outcome is certain; the label is that of the
-                full lift.
-            record: Called during the trial, for pictures; the outcome stays the same.
+        Parameters
+        ----------
+        obj_T_est
+            The estimate seen from the true object, ``inv(cam_T_gt) @ cam_T_est``; the identity is a
+            perfect estimate.
+        grasp
+            The reference grasp of this object by this gripper.
+        early_stop
+            Whether to end as soon as the outcome is certain; the label is that of the full lift.
+        record
+            Called during the trial, for pictures; the outcome stays the same.
 
-        Raises:
-            InputError: if ``obj_T_est`` is not a finite rigid transform.
-            MismatchError: if the grasp is of another object or gripper.
+        Raises
+        ------
+        InputError
+            If ``obj_T_est`` is not a finite rigid transform.
+        MismatchError
+            If the grasp is of another object or gripper.
         """
         check_rigid(obj_T_est, f"the estimate of {self.grasp_object.name!r}")
         for what, mine, given in (

@@ -23,14 +23,21 @@ __all__ = ["NetworkEnsemble", "NetworkSettings"]
 class NetworkSettings:
     """How an ensemble is trained.
 
-    Attributes:
-        pools_objects: One ensemble for all objects, told which by a one-hot vector (MLP-O), or one
-            for each object (MLP).
-        standardise: Bring features to mean 0 and deviation 1 first (the paper does not).
-        protocol: ``validated`` or ``last`` (see :mod:`graspcast.paper.configurations`).
-        members: Networks whose probabilities are averaged.
-        seed: Of everything random.
-        optimiser: The paper's, by default.
+    Attributes
+    ----------
+    pools_objects
+        One ensemble for all objects, told which by a one-hot vector (MLP-O), or one for each object
+        (MLP).
+    standardise
+        Bring features to mean 0 and deviation 1 first (the paper does not).
+    protocol
+        ``validated`` or ``last`` (see :mod:`graspcast.paper.configurations`).
+    members
+        Networks whose probabilities are averaged.
+    seed
+        Of everything random.
+    optimiser
+        The paper's, by default.
     """
 
     pools_objects: bool = True
@@ -45,11 +52,16 @@ class NetworkSettings:
 class NetworkEnsemble:
     """Networks whose probabilities are averaged, for all objects or for each.
 
-    Attributes:
-        shift, scale: Features enter as ``(x - shift) / scale``, (d,).
-        objects: How many objects there are.
-        pools_objects: Whether all share the networks.
-        members: For each pool, its networks: ``members[pool][i]``.
+    Attributes
+    ----------
+    shift, scale
+        Features enter as ``(x - shift) / scale``, (d,).
+    objects
+        How many objects there are.
+    pools_objects
+        Whether all share the networks.
+    members
+        For each pool, its networks: ``members[pool][i]``.
     """
 
     shift: Float[ndarray, "d"]
@@ -70,8 +82,10 @@ class NetworkEnsemble:
     ) -> NetworkEnsemble:
         """Train on samples of the object numbers 0 to k - 1.
 
-        Raises:
-            InputError: for the protocol ``paper``, which needs the outcomes of test samples.
+        Raises
+        ------
+        InputError
+            For the protocol ``paper``, which needs the outcomes of test samples.
         """
         if settings.protocol not in ("validated", "last"):
             raise InputError(
@@ -109,8 +123,10 @@ class NetworkEnsemble:
     def probability(self, features: Float[ndarray, "n d"], objects: ndarray) -> Float[ndarray, "n"]:
         """Probability of success of each row, the members' average.
 
-        Raises:
-            MismatchError: for an unseen object, where each object has networks of its own.
+        Raises
+        ------
+        MismatchError
+            For an unseen object, where each object has networks of its own.
         """
         if not self.pools_objects and (objects == UNSEEN).any():
             raise MismatchError("networks for each object cannot answer for an unseen one")

@@ -1,8 +1,9 @@
 """The compiled program that trains one small multilayer perceptron.
 
 One variable holds one unit's value for sixteen samples
-(:mod:`graspcast.forecasting.models.mlp.simd`), every layer is a loop over such variables, no array is allocated, and no layer's size is a constant of
-the compilation: one compilation serves every architecture and every number of inputs.
+(:mod:`graspcast.forecasting.models.mlp.simd`), every layer is a loop over such variables, no
+array is allocated, and no layer's size is a constant of the compilation: one
+compilation serves every architecture and every number of inputs.
 
 Everything is float32 in flat arrays. Of a layer with ``n_in`` inputs and ``n_out`` outputs,
 padded to a multiple of four, the parameters are ``n_in + 1`` rows of ``n_out`` numbers, the last

@@ -55,8 +55,10 @@ class Mlp:
     def predict(self, inputs: Float[ndarray, "n d"]) -> Float[ndarray, "n"]:
         """The probability of success of each row.
 
-        Raises:
-            MismatchError: if the rows do not have as many inputs as the network.
+        Raises
+        ------
+        MismatchError
+            If the rows do not have as many inputs as the network.
         """
         if inputs.ndim != 2 or inputs.shape[1] != self.widths[0]:
             raise MismatchError(
@@ -76,8 +78,10 @@ class Mlp:
     def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Mlp:
         """The inverse of :meth:`to_arrays`; other keys are ignored.
 
-        Raises:
-            InputError: if an array is missing, not finite, or the shapes do not fit together.
+        Raises
+        ------
+        InputError
+            If an array is missing, not finite, or the shapes do not fit together.
         """
         depth = sum(name.startswith("weight_") for name in arrays)
         try:

@@ -149,8 +149,10 @@ class Run:
     def result(self) -> Trained:
         """What came of it.
 
-        Raises:
-            InputError: if the training diverged.
+        Raises
+        ------
+        InputError
+            If the training diverged.
         """
         epochs = len(self._optimiser.rates)
         if not np.isfinite(self._network.params).all():

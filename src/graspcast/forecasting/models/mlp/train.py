@@ -43,15 +43,23 @@ def train(
     of threads nor the order of the problems nor their company changes a bit of the result. The
     first call on a machine compiles for some seconds.
 
-    Args:
-        problems: They may differ in their samples and in the number of inputs.
-        settings: One for all.
-        threads: As many as there are processors, unless told.
-        progress: Is called from the calling thread with the share of the work that is done.
+    Parameters
+    ----------
+    problems
+        They may differ in their samples and in the number of inputs.
+    settings
+        One for all.
+    threads
+        As many as there are processors, unless told.
+    progress
+        Is called from the calling thread with the share of the work that is done.
 
-    Raises:
-        MismatchError: if the arrays of a problem do not fit together.
-        InputError: if a problem has no samples, or a number that is not finite.
+    Raises
+    ------
+    MismatchError
+        If the arrays of a problem do not fit together.
+    InputError
+        If a problem has no samples, or a number that is not finite.
     """
     from graspcast.forecasting.models.mlp.packing import Run
 

@@ -27,8 +27,10 @@ class MlpSettings:
 
     ``rate`` falls to ``final_rate`` on half a cosine over ``epochs``, stepped once an epoch.
 
-    Raises:
-        InputError: if a value is out of range.
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     hidden: tuple[int, ...] = (16, 8, 4, 4)

@@ -1,6 +1,7 @@
 """Promises on the published data: certified on some scenes, held against others.
 
-    python benchmarks/promises_published.py --data DIR --work DIR --borrowed DIR --outcomes DIR
+    python benchmarks/certificates_published.py \
+        --data DIR --work DIR --transferred DIR --outcomes DIR
 
 The default forecaster's forecasts of scenes that it has not seen (those of ``graspcast evaluate``,
 protocol ``unseen_scenes``; give its ``--work`` and the same trials) are dealt out at random again
@@ -23,7 +24,7 @@ from graspcast.evaluation.benchmark import Benchmark
 from graspcast.evaluation.methods import METHODS
 from graspcast.evaluation.predictions import Forecasts
 from graspcast.evaluation.run import forecast_all
-from graspcast.forecasting.training_data import ErrorOutcomes
+from graspcast.forecasting.training_data import SimulatedTrials
 from graspcast.guarantees.certify import certify
 from graspcast.paper.dataset import Published
 
@@ -32,7 +33,7 @@ def main() -> None:
     options = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     options.add_argument("--data", type=Path, required=True)
     options.add_argument("--work", type=Path, required=True)
-    options.add_argument("--borrowed", type=Path, action="append", default=[])
+    options.add_argument("--transferred", type=Path, action="append", default=[])
     options.add_argument("--outcomes", type=Path, action="append", default=[])
     options.add_argument("--rate", type=float, default=0.9)
     options.add_argument("--confidence", type=float, default=0.9)
@@ -43,9 +44,11 @@ def main() -> None:
 
     data = Published(given.data)
     grippers = data.outcomes["gripper"].unique().sort().to_list()
-    borrowed = {g: ErrorOutcomes.read(given.borrowed, g) for g in grippers if given.borrowed}
+    transferred = {
+        g: SimulatedTrials.read(given.transferred, g) for g in grippers if given.transferred
+    }
     simulated = read_all_outcomes(given.outcomes) if given.outcomes else None
-    benchmark = Benchmark.of(data, simulated, borrowed)
+    benchmark = Benchmark.of(data, simulated, transferred)
     methods = {"blend": METHODS["blend"](given.seed)}
     forecasts = forecast_all(benchmark, methods, ["unseen_scenes"], work=given.work)
     images = [f"{d}/{s}/{i}" for d, s, i, *_ in benchmark.estimates.instances()]
@@ -81,7 +84,7 @@ def _resample(each: Forecasts, units: np.ndarray, given: argparse.Namespace) -> 
     none, broken, attempted, perfect = [], [], [], []
     for _ in range(given.resamplings):
         half = np.isin(units, random.permutation(names)[: len(names) // 2])
-        promise = certify(
+        guarantee = certify(
             each.probability[half],
             each.success[half],
             units[half],
@@ -91,8 +94,8 @@ def _resample(each: Forecasts, units: np.ndarray, given: argparse.Namespace) -> 
         ).overall
         probability, success = each.probability[~half], each.success[~half]
         possible = min(1.0, success.mean() / given.rate)
-        none.append(promise.threshold is None)
-        attempts = probability >= (np.inf if promise.threshold is None else promise.threshold)
+        none.append(guarantee.threshold is None)
+        attempts = probability >= (np.inf if guarantee.threshold is None else guarantee.threshold)
         broken.append(bool(attempts.any()) and success[attempts].mean() < given.rate)
         attempted.append(attempts.mean())
         perfect.append(attempts.mean() / possible)

@@ -1,7 +1,7 @@
 """How often promises are broken, and what they cost, in synthetic worlds whose truth is known.
 
     pip install 'mapie>=1.6'        # only for the comparison with it; --without-mapie leaves it out
-    python benchmarks/promises.py --worlds 1000 --json promises.json
+    python benchmarks/certificates.py --worlds 1000 --json promises.json
 
 Every world is a new calibration (and, where a method learns its sequence, a new training part of
 the same size); its truth is that of a million further trials. *Broken*: a threshold was
@@ -65,7 +65,7 @@ def ours(weight: Weight, *, learn: bool, naive: bool = False) -> Method:
                 calibration_units=len(np.unique(units)),
                 weight=weight,
             )
-        promises = certify(
+        certificate = certify(
             probability,
             success,
             units,
@@ -74,7 +74,7 @@ def ours(weight: Weight, *, learn: bool, naive: bool = False) -> Method:
             sequence=sequence,
             weight=weight,
         )
-        return promises.overall.threshold
+        return certificate.overall.threshold
 
     return method
 
@@ -249,7 +249,7 @@ def main() -> None:
         watched = monitor(max(options.worlds // 2, 20), 2000)
         print_watched(watched)
     if options.json:
-        content = {"worlds": options.worlds, "promises": found, "monitor": watched}
+        content = {"worlds": options.worlds, "guarantees": found, "monitor": watched}
         options.json.write_text(json.dumps(content, indent=2) + "\n")
 
 
