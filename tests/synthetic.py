@@ -40,7 +40,7 @@ def estimates(
         scene_id=np.arange(n) * scenes // n,
         im_id=np.arange(n),
         obj_id=np.array(objects)[np.arange(n) % len(objects)],
-        inst_id=np.zeros(n, np.int64),
+        est_id=np.zeros(n, np.int64),
         cam_T_obj=np.stack(poses),
     )
 
@@ -61,7 +61,7 @@ def outcomes_of(
     place = given.cam_T_obj[:, :, :3, 3]
     keys = {
         name: getattr(given, name).tolist()
-        for name in ("dataset", "scene_id", "im_id", "obj_id", "inst_id")
+        for name in ("dataset", "scene_id", "im_id", "obj_id", "est_id")
     }
     tables = []
     for k, gripper in product(range(len(given.estimators)), grippers):

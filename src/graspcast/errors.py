@@ -12,7 +12,9 @@
     ├── CampaignStoppedError  a campaign could not go on; what it has computed is kept
     └── WorkerLostError       a process that computed trials has died
 
-The command line turns each of them into one message and exit code 2.
+The command line turns each of them into one message and exit code 2. A message names what is wrong
+and what is available; ``parameters`` names, as in Python, the arguments by which to mend it, and
+the command line adds its options of the same names.
 """
 
 from __future__ import annotations
@@ -36,7 +38,19 @@ __all__ = [
 
 
 class GraspcastError(Exception):
-    """The base of every error that graspcast raises on purpose."""
+    """The base of every error that graspcast raises on purpose.
+
+    Parameters
+    ----------
+    message
+        What is wrong, where, what is available, and what to do.
+    parameters
+        Names of the Python parameters by which to mend it.
+    """
+
+    def __init__(self, message: str, *, parameters: Sequence[str] = ()):
+        super().__init__(message)
+        self.parameters = tuple(parameters)
 
 
 class InputError(GraspcastError):
@@ -54,13 +68,22 @@ class FormatError(InputError):
         What is wrong and what to do, as one or two sentences.
     where
         A row, a key or a line in the file, where it is known.
+    parameters
+        As for :class:`GraspcastError`.
     """
 
-    def __init__(self, path: str | PathLike[str], problem: str, *, where: str | None = None):
+    def __init__(
+        self,
+        path: str | PathLike[str],
+        problem: str,
+        *,
+        where: str | None = None,
+        parameters: Sequence[str] = (),
+    ):
         self.path = path
         self.problem = problem
         self.where = where
-        super().__init__(f"{path}{f', {where}' if where else ''}: {problem}")
+        super().__init__(f"{path}{f', {where}' if where else ''}: {problem}", parameters=parameters)
 
 
 class UnknownNameError(InputError):
@@ -76,15 +99,25 @@ class UnknownNameError(InputError):
         The names that exist.
     hint
         One more sentence on what to do.
+    parameters
+        As for :class:`GraspcastError`.
     """
 
-    def __init__(self, kind: str, name: object, known: Iterable[object], *, hint: str = ""):
+    def __init__(
+        self,
+        kind: str,
+        name: object,
+        known: Iterable[object],
+        *,
+        hint: str = "",
+        parameters: Sequence[str] = (),
+    ):
         names = [str(k) for k in known]
         near = get_close_matches(str(name), names, n=1)
         message = f"unknown {kind} {str(name)!r}"
         message += f" (did you mean {near[0]!r}?)" if near else ""
         message += f"; known: {', '.join(names) if names else 'none'}"
-        super().__init__(message + (f". {hint}" if hint else ""))
+        super().__init__(message + (f". {hint}" if hint else ""), parameters=parameters)
 
 
 class MismatchError(InputError):

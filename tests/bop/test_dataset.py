@@ -40,7 +40,7 @@ def test_ground_truth_of_several_scenes_and_instances(tmp_path: Path) -> None:
     gt = BopDataset(tmp_path).ground_truth
     assert gt.scene_id.tolist() == [1, 2, 2, 2]
     assert gt.obj_id.tolist() == [5, 1, 2, 1]
-    assert gt.inst_id.tolist() == [0, 0, 0, 1]
+    assert gt.gt_id.tolist() == [0, 0, 1, 2]
     assert gt.visib_fract[0] == 0.25
     assert np.isnan(gt.visib_fract[1:]).all()
     assert gt.cam_T_obj[0, 2, 3] == 0.9

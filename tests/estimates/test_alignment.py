@@ -53,7 +53,7 @@ def test_instances_are_numbered_by_the_anchors_score_and_paired_by_position() ->
     a = detections([(0, 0, 1), (0.5, 0, 1), (0, 0.5, 1)], [0.1, 0.9, 0.5])
     b = detections([(0.01, 0.5, 1), (0.01, 0, 1), (0.51, 0, 1)], [0.9, 0.8, 0.7])
     both = align({"a": a, "b": b}, dataset="d", anchor="a")
-    assert both.inst_id.tolist() == [0, 1, 2]
+    assert both.est_id.tolist() == [0, 1, 2]
     assert both.of("a")[:, 0, 3].tolist() == [0.5, 0, 0]
     assert both.of("b")[:, 0, 3].tolist() == [0.51, 0.01, 0.01]
     assert instance_numbers(a).tolist() == [2, 0, 1]
@@ -72,10 +72,10 @@ def test_surplus_detections_are_dropped() -> None:
     b = detections([(0.5, 0, 1)], [0.9])
     both = align({"a": a, "b": b}, dataset="d")
     assert both.of("a")[:, 0, 3].tolist() == [0.5]
-    assert both.inst_id.tolist() == [1]
+    assert both.est_id.tolist() == [1]
     assert both.lacking == {"a": 0, "b": 1}
     # With the other as anchor the same pair is its instance 0.
-    assert align({"a": a, "b": b}, dataset="d", anchor="b").inst_id.tolist() == [0]
+    assert align({"a": a, "b": b}, dataset="d", anchor="b").est_id.tolist() == [0]
 
 
 @given(st.permutations(range(4)), st.integers(0, 100))

@@ -26,7 +26,7 @@ def truth_of(poses: np.ndarray, *, im_id: list[int], obj_id: list[int]) -> Groun
         scene_id=np.ones(len(poses), int),
         im_id=np.array(im_id),
         obj_id=np.array(obj_id),
-        inst_id=np.zeros(len(poses), int),
+        est_id=np.zeros(len(poses), int),
         cam_T_obj=poses,
         visib_fract=np.ones(len(poses)),
     )
@@ -117,7 +117,7 @@ def estimates() -> Results:
 
 def test_every_measure_by_hand(dataset: BopDataset) -> None:
     table = measure(estimates(), dataset).sort("im_id")
-    assert table.columns == ["scene_id", "im_id", "obj_id", "inst_id", *MEASURES]
+    assert table.columns == ["scene_id", "im_id", "obj_id", "est_id", *MEASURES]
     assert table["im_id"].to_list() == [0, 1, 2, 3, 4, 5]
     assert table["obj_id"].to_list() == [1, 2, 1, 2, 1, 2]
     corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T * [0.02, 0.03, 0.05]
@@ -146,7 +146,7 @@ def test_every_measure_by_hand(dataset: BopDataset) -> None:
 
 def test_only_what_is_wanted_is_measured(dataset: BopDataset) -> None:
     table = measure(estimates(), dataset, only=("add_mm",))
-    assert table.columns == ["scene_id", "im_id", "obj_id", "inst_id", "add_mm"]
+    assert table.columns == ["scene_id", "im_id", "obj_id", "est_id", "add_mm"]
     assert table.equals(measure(estimates(), dataset).select(table.columns))
 
 
@@ -169,7 +169,7 @@ def test_the_summary_is_a_mean_over_objects() -> None:
             "scene_id": [1] * 4,
             "im_id": [0, 1, 2, 0],
             "obj_id": [5, 5, 5, 2],
-            "inst_id": [0] * 4,
+            "est_id": [0] * 4,
             "add_mm": [1.0, 2.0, 6.0, 10.0],
             "ray_share": [0.5, nan, 0.7, nan],
         }

@@ -34,7 +34,7 @@ def write(path: Path, *rows: str, header: str = HEADER) -> Path:
 def test_csv_parquet_and_shards_say_the_same(tmp_path: Path) -> None:
     from_csv = read_outcomes(write(tmp_path / "a.csv", *ROWS))
     assert from_csv.columns == [*KEYS, "success"]
-    assert from_csv["inst_id"].to_list() == [0, 0, 0]
+    assert from_csv["est_id"].to_list() == [0, 0, 0]
     assert from_csv["success"].to_list() == [1, 0, 1]
     write_table(tmp_path / "a.parquet", from_csv)
     assert read_outcomes(tmp_path / "a.parquet").equals(from_csv)
@@ -50,7 +50,7 @@ def test_columns_may_stand_in_any_order_with_others_beside_them(tmp_path: Path) 
     path = write(
         tmp_path / "a.csv",
         "1,0.5,2,parallel,epos,5,lmo,9,1",
-        header="success,score,scene_id,gripper,estimator,im_id,dataset,inst_id,obj_id",
+        header="success,score,scene_id,gripper,estimator,im_id,dataset,est_id,obj_id",
     )
     row = ("epos", "lmo", 2, 5, 1, 9, "parallel", 1)
     assert read_outcomes(path).row(0) == row

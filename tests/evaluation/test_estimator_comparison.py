@@ -77,7 +77,7 @@ class World:
                     for i in range(n)
                 ]
         columns = ["estimator", "dataset", "scene_id", "im_id", "obj_id", "gripper", "success"]
-        outcomes = pl.DataFrame(rows, schema=[*columns, "inst_id"], orient="row")
+        outcomes = pl.DataFrame(rows, schema=[*columns, "est_id"], orient="row")
         return cls(n, names, truth, poses, scene, outcomes)
 
     @property
@@ -88,7 +88,7 @@ class World:
             scene_id=self.scene,
             im_id=np.arange(self.n),
             obj_id=1 + np.arange(self.n) % 2,
-            inst_id=np.zeros(self.n, np.int64),
+            est_id=np.zeros(self.n, np.int64),
             cam_T_obj=np.stack(list(self.poses.values())),
         )
 

@@ -137,7 +137,7 @@ def test_the_verb(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) 
 
 def test_instances_are_numbered_in_the_order_of_the_file() -> None:
     rows = [VerdictRow(1, 2, obj, "hand", Verdict(True, 0.5, "")) for obj in (5, 6, 5, 5)]
-    assert verdict_table(rows)["inst_id"].to_list() == [0, 0, 1, 2]
+    assert verdict_table(rows)["est_id"].to_list() == [0, 0, 1, 2]
 
 
 def test_files_that_are_none(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:

@@ -31,7 +31,7 @@ def trials(estimates: Estimates, success: list[int], estimator: str = "a") -> pl
             "scene_id": estimates.scene_id,
             "im_id": estimates.im_id,
             "obj_id": estimates.obj_id,
-            "inst_id": estimates.inst_id,
+            "est_id": estimates.est_id,
             "gripper": ["parallel"] * len(estimates),
             "success": success,
         }
@@ -52,13 +52,13 @@ def test_instances_of_one_object_in_one_image_are_told_apart() -> None:
     given_ = dataclasses.replace(
         synthetic.estimates(3, objects=(1,), scenes=1),
         im_id=np.zeros(3, int),
-        inst_id=np.array([2, 0, 1]),
+        est_id=np.array([2, 0, 1]),
     )
     table = trials(given_, [1, 0, 1])
     assert join(given_, table, "a", "parallel").success.tolist() == [True, False, True]
-    first = table.filter(pl.col("inst_id") == 1)
+    first = table.filter(pl.col("est_id") == 1)
     samples = join(given_, first, "a", "parallel")
-    assert samples.estimates.inst_id.tolist() == [1]
+    assert samples.estimates.est_id.tolist() == [1]
     assert samples.success.tolist() == [True]
     assert samples.untried == 2
 

@@ -28,7 +28,7 @@ def outcomes(given: Estimates, seed: int = 0) -> pl.DataFrame:
                 "scene_id": given.scene_id,
                 "im_id": given.im_id,
                 "obj_id": given.obj_id,
-                "inst_id": given.inst_id,
+                "est_id": given.est_id,
                 "success": rng.integers(0, 2, len(given)),
             }
         ).with_columns(estimator=pl.lit(name), gripper=pl.lit(gripper))
@@ -43,9 +43,7 @@ def crowded() -> Estimates:
     given = synthetic.estimates(14, objects=(1,))
     image = np.array([0, 1, 2, 3, 3, 4, 4, 5, 6, 7, 8, 9, 10, 11])
     instance = np.array([0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0, 0, 0, 0])
-    return dataclasses.replace(
-        given, scene_id=np.zeros(14, np.int64), im_id=image, inst_id=instance
-    )
+    return dataclasses.replace(given, scene_id=np.zeros(14, np.int64), im_id=image, est_id=instance)
 
 
 def test_other_estimators_outcomes_count_only_where_the_object_appears_once() -> None:

@@ -26,7 +26,7 @@ def found() -> dict[str, Any]:
             "scene_id": [50] * 12,
             "im_id": 2 * list(range(6)),
             "obj_id": [4] * 12,
-            "inst_id": [0] * 12,
+            "est_id": [0] * 12,
             "gripper": np.repeat(HANDS, 6).tolist(),
         }
     )

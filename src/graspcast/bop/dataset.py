@@ -35,8 +35,8 @@ class GroundTruth:
     ----------
     scene_id, im_id, obj_id
         BOP numbers, (n,).
-    inst_id
-        Number of the instance among those of its object in its image, from 0, (n,).
+    gt_id
+        Row of the instance among those of its image in ``scene_gt.json``, from 0, (n,).
     cam_T_obj
         Poses in metres, (n, 4, 4).
     visib_fract
@@ -51,7 +51,7 @@ class GroundTruth:
     scene_id: Int[ndarray, "n"]
     im_id: Int[ndarray, "n"]
     obj_id: Int[ndarray, "n"]
-    inst_id: Int[ndarray, "n"]
+    gt_id: Int[ndarray, "n"]
     cam_T_obj: Float[ndarray, "n 4 4"]
     visib_fract: Float[ndarray, "n"]
     source: str = "ground truth"
@@ -119,12 +119,10 @@ def read_ground_truth(directory: str | PathLike[str]) -> GroundTruth:
             if not isinstance(instances, list):
                 raise FormatError(path, "should be a list of instances", where=where)
             shares, outlines = _seen(info.get(image), len(instances), info_path, where)
-            seen: dict[int, int] = {}
             for i, entry in enumerate(instances):
                 at = f"{where}, instance {i}"
                 obj_id = identifier(require(entry, "obj_id", path, at), path, at)
-                inst_id = seen[obj_id] = seen.get(obj_id, -1) + 1
-                keys.append((scene_id, im_id, obj_id, inst_id))
+                keys.append((scene_id, im_id, obj_id, i))
                 rotations.append(numbers(require(entry, "cam_R_m2c", path, at), (3, 3), path, at))
                 translations.append(numbers(require(entry, "cam_t_m2c", path, at), (3,), path, at))
             visible.extend(shares)
@@ -143,7 +141,7 @@ def read_ground_truth(directory: str | PathLike[str]) -> GroundTruth:
         scene_id=table[:, 0],
         im_id=table[:, 1],
         obj_id=table[:, 2],
-        inst_id=table[:, 3],
+        gt_id=table[:, 3],
         cam_T_obj=transform(rotation, metres(np.array(translations).reshape(-1, 3))),
         visib_fract=np.array(visible, dtype=np.float64),
         source=str(directory),

@@ -261,8 +261,15 @@ def jittered(
     keep &= (truth.box_xywh[:, 2:] > 0).all(axis=1)  # neither unstated nor out of sight
     chosen = np.flatnonzero(keep)
     boxes = truth.box_xywh[chosen]
+    earlier: Counter[tuple[int, int, int]] = Counter()
+    number = []  # of each instance among those of its object in its image
+    for key in zip(
+        truth.scene_id.tolist(), truth.im_id.tolist(), truth.obj_id.tolist(), strict=True
+    ):
+        number.append(earlier[key])
+        earlier[key] += 1
     for box, i in zip(boxes, chosen, strict=True):
-        numbers_of = (truth.scene_id[i], truth.im_id[i], truth.obj_id[i], truth.inst_id[i])
+        numbers_of = (truth.scene_id[i], truth.im_id[i], truth.obj_id[i], number[i])
         draw = np.random.default_rng([seed, *map(int, numbers_of)]).uniform(-1, 1, 4)
         size = box[2:] * (1 + scale * draw[2:])
         moved = np.array([*(box[:2] + box[2:] * (0.5 + shift * draw[:2]) - size / 2), *size])

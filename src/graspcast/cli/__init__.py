@@ -78,12 +78,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     0 done, 2 the user's mistake, 3 an alarm of ``monitor``, 130 interrupted.
     """
-    options = parser().parse_args(arguments)
+    arguments_parser = parser()
+    options = arguments_parser.parse_args(arguments)
     try:
         return options.run(options) or 0
     except GraspcastError as error:
-        print(f"graspcast {options.verb}: {error}", file=sys.stderr)  # noqa: T201
+        hint = _options_of(arguments_parser, options.verb, error.parameters)
+        print(f"graspcast {options.verb}: {error}{hint}", file=sys.stderr)  # noqa: T201
         return 2
     except KeyboardInterrupt:
         print(f"graspcast {options.verb}: interrupted", file=sys.stderr)  # noqa: T201
         return 130
+
+
+def _options_of(top: argparse.ArgumentParser, verb: str, parameters: Sequence[str]) -> str:
+    """Return the verb's options that belong to an error's parameters, as `` (see --a, --b)``."""
+    (verbs,) = (a for a in top._actions if isinstance(a, argparse._SubParsersAction))
+    by_name = {
+        a.dest: a.option_strings[-1] for a in verbs.choices[verb]._actions if a.option_strings
+    }
+    options = [by_name[name] for name in parameters if name in by_name]
+    return f" (see {', '.join(options)})" if options else ""

@@ -167,7 +167,7 @@ def _steps(
         yield (
             title,
             ["watch", "--object", f"{dataset.name}-{row['obj_id']}", "--gripper", gripper, *mine]
-            + ["--image", f"{row['scene_id']}/{row['im_id']}", "--instance", str(row["inst_id"])]
+            + ["--image", f"{row['scene_id']}/{row['im_id']}", "--instance", str(row["est_id"])]
             + ["--out", f"{out}/{name}.png"],
         )
     yield (
@@ -199,7 +199,7 @@ def _with_outcomes(verdicts: Path, trials: Path) -> pl.DataFrame:
     from graspcast.forecasting.verdict import read_verdicts
 
     both = with_outcomes(read_verdicts(verdicts), read_outcomes(trials))
-    ordered = both.sort("scene_id", "im_id", "obj_id", "inst_id", "gripper")
+    ordered = both.sort("scene_id", "im_id", "obj_id", "est_id", "gripper")
     return ordered.sample(fraction=1.0, shuffle=True, seed=_SEED)
 
 

@@ -44,8 +44,8 @@ def add(verbs: Verbs) -> None:
         type=Path,
         action="append",
         default=[],
-        help="trials by errors transferred from other objects (simulate --transferred-errors), from "
-        "which two stages learn an object or gripper that has no outcomes; may be repeated",
+        help="trials by errors transferred from other objects (simulate --transferred-errors), "
+        "from which two stages learn an object or gripper that has no outcomes; may be repeated",
     )
     verb.add_argument("--methods", metavar="NAME", nargs="+", help="default: all")
     verb.add_argument(

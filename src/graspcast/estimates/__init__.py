@@ -1,1 +1,1 @@
-"""Pose estimates: instances and their keys, alignment of estimators, matching with ground truth, outcomes."""
+"""Pose estimates: instance keys, alignment, matching with ground truth, outcomes."""

@@ -30,7 +30,7 @@ __all__ = [
     "rows_in_image",
 ]
 
-_COLUMNS = ("dataset", "scene_id", "im_id", "obj_id", "inst_id")
+_COLUMNS = ("dataset", "scene_id", "im_id", "obj_id", "est_id")
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class IncompleteInstance:
     scene_id: int
     im_id: int
     obj_id: int
-    inst_id: int
+    est_id: int
     lacking: tuple[str, ...]
 
 
@@ -55,7 +55,7 @@ class Estimates:
         Names, in the order of ``cam_T_obj``'s first axis.
     dataset
         The dataset's name for each instance, (n,).
-    scene_id, im_id, obj_id, inst_id
+    scene_id, im_id, obj_id, est_id
         BOP numbers, (n,).
     cam_T_obj
         Poses in metres, (K, n, 4, 4).
@@ -70,7 +70,7 @@ class Estimates:
     scene_id: Int[ndarray, "n"]
     im_id: Int[ndarray, "n"]
     obj_id: Int[ndarray, "n"]
-    inst_id: Int[ndarray, "n"]
+    est_id: Int[ndarray, "n"]
     cam_T_obj: Float[ndarray, "k n 4 4"]
     lacking: Mapping[str, int] = field(default_factory=dict)
     partial: tuple[IncompleteInstance, ...] = ()
@@ -247,7 +247,7 @@ def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = 
         scene_id=keys[:, 0],
         im_id=keys[:, 1],
         obj_id=keys[:, 2],
-        inst_id=np.array([i for _, i, _ in kept], dtype=np.int64),
+        est_id=np.array([i for _, i, _ in kept], dtype=np.int64),
         cam_T_obj=np.stack([results[n].cam_T_obj[p] for n, p in zip(names, picked, strict=True)]),
         lacking=dict(zip(names, missing.tolist(), strict=True)),
         partial=tuple(partial),

@@ -51,7 +51,7 @@ def measure(
 
     Returns
     -------
-        ``scene_id, im_id, obj_id, inst_id`` and a column for each measure.
+        ``scene_id, im_id, obj_id, est_id`` and a column for each measure.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def measure(
     """
     truth = dataset.ground_truth
     matched = match(results, truth)
-    inst_id = instance_numbers(results)
+    est_id = instance_numbers(results)
     parts = []
     present = np.unique(results.obj_id).tolist()
     for i, obj_id in enumerate(present):
@@ -76,7 +76,7 @@ def measure(
             "scene_id": results.scene_id[rows],
             "im_id": results.im_id[rows],
             "obj_id": results.obj_id[rows],
-            "inst_id": inst_id[rows],
+            "est_id": est_id[rows],
         }
         pair = (results.cam_T_obj[rows], truth.cam_T_obj[matched[rows]])
         images = zip(keys["scene_id"].tolist(), keys["im_id"].tolist(), strict=True)

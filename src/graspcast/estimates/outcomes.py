@@ -1,7 +1,7 @@
 """Outcomes of grasp trials as a table: which estimate, which gripper, held or not.
 
 Columns: ``estimator, dataset, scene_id, im_id, obj_id, gripper, success`` and, where an image shows
-several instances of an object, ``inst_id`` (0 where it is absent): the rank by score of the
+several instances of an object, ``est_id`` (0 where it is absent): the rank by score of the
 detection among those of its object in its image.
 """
 
@@ -30,7 +30,7 @@ __all__ = [
     "read_outcomes",
 ]
 
-KEYS = ("estimator", "dataset", "scene_id", "im_id", "obj_id", "inst_id", "gripper")
+KEYS = ("estimator", "dataset", "scene_id", "im_id", "obj_id", "est_id", "gripper")
 ERROR_COLUMNS = (
     "error_x_m",
     "error_y_m",
@@ -71,9 +71,9 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
         raise FormatError(
             path, f"no column {', '.join(map(repr, missing))}; found {', '.join(frame.columns)}"
         )
-    if "inst_id" not in frame.columns:
-        frame = frame.with_columns(inst_id=pl.lit(0, pl.Int64))
-    kinds = {**_COLUMNS, "inst_id": pl.Int64}
+    if "est_id" not in frame.columns:
+        frame = frame.with_columns(est_id=pl.lit(0, pl.Int64))
+    kinds = {**_COLUMNS, "est_id": pl.Int64}
     for name, kind in kinds.items():
         column = frame[name]
         # A cast would cut the fraction off.

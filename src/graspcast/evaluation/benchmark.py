@@ -25,7 +25,7 @@ from graspcast.paper.dataset import Published
 
 __all__ = ["Benchmark"]
 
-_KEYS = ("dataset", "scene_id", "im_id", "obj_id", "inst_id")
+_KEYS = ("dataset", "scene_id", "im_id", "obj_id", "est_id")
 
 
 @dataclass(frozen=True, eq=False)

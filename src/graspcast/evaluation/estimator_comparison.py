@@ -343,7 +343,7 @@ class _Candidate:
         rows = tried[judged]
         columns = (estimates.dataset, estimates.scene_id, estimates.im_id, estimates.obj_id)
         keys = list(zip(*(column.tolist() for column in columns), strict=True))
-        several = {keys[i] for i in np.flatnonzero(estimates.inst_id > 0)}
+        several = {keys[i] for i in np.flatnonzero(estimates.est_id > 0)}
         forecasts = {
             names: Forecasts(
                 protocol="unseen_scenes",

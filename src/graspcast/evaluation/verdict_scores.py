@@ -15,7 +15,7 @@ from graspcast.forecasting.verdict import VerdictRow
 
 __all__ = ["VerdictScores", "score_verdicts", "verdict_table", "with_outcomes"]
 
-_KEYS = ("scene_id", "im_id", "obj_id", "inst_id", "gripper")
+_KEYS = ("scene_id", "im_id", "obj_id", "est_id", "gripper")
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,8 @@ def verdict_table(rows: Sequence[VerdictRow]) -> pl.DataFrame:
 
     Returns
     -------
-        ``scene_id, im_id, obj_id, inst_id, gripper, attempt, probability`` (null where there is no
-        forecast); ``inst_id`` counts the rows of the same image, object and gripper.
+        ``scene_id, im_id, obj_id, est_id, gripper, attempt, probability`` (null where there is no
+        forecast); ``est_id`` counts the rows of the same image, object and gripper.
     """
     table = pl.DataFrame(
         [(r.scene_id, r.im_id, r.obj_id, r.gripper, r.verdict.attempt, r.verdict.probability)
@@ -74,7 +74,7 @@ def verdict_table(rows: Sequence[VerdictRow]) -> pl.DataFrame:
         orient="row",
     )  # fmt: skip
     same = ("scene_id", "im_id", "obj_id", "gripper")
-    return table.with_columns(inst_id=pl.int_range(pl.len()).over(same))
+    return table.with_columns(est_id=pl.int_range(pl.len()).over(same))
 
 
 def with_outcomes(verdicts: Sequence[VerdictRow], outcomes: pl.DataFrame) -> pl.DataFrame:

@@ -11,7 +11,7 @@ from numpy import ndarray
 from graspcast.forecasting.features import Features
 from graspcast.forecasting.models.base import Predictor
 
-__all__ = ["groups_of", "attributions"]
+__all__ = ["attributions", "groups_of"]
 
 _TURNS = {"rot", "angle", "turn", "dpsi"}
 _ALONE = {"view", "axis", "distance"}

@@ -220,7 +220,7 @@ class Forecaster:
             scene_id=one,
             im_id=one,
             obj_id=one + int(number),
-            inst_id=one,
+            est_id=one,
             cam_T_obj=np.stack([np.asarray(p, np.float64)[None] for p in poses.values()]),
         )
         (verdict,) = self.verdicts(

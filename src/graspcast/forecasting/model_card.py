@@ -92,7 +92,7 @@ class ModelCard:
 def digest_of(estimates: Estimates, *others: ndarray) -> str:
     """SHA-256 over instances and poses, and over further arrays."""
     digest = hashlib.sha256()
-    for part in ("dataset", "scene_id", "im_id", "obj_id", "inst_id", "cam_T_obj"):
+    for part in ("dataset", "scene_id", "im_id", "obj_id", "est_id", "cam_T_obj"):
         digest.update(np.ascontiguousarray(getattr(estimates, part)).tobytes())
     for array in others:
         digest.update(np.ascontiguousarray(array).tobytes())

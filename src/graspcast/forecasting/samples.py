@@ -64,7 +64,7 @@ def _keys(estimates: Estimates) -> pl.DataFrame:
             "scene_id": estimates.scene_id,
             "im_id": estimates.im_id,
             "obj_id": estimates.obj_id,
-            "inst_id": estimates.inst_id,
+            "est_id": estimates.est_id,
         }
     )
 

@@ -194,7 +194,7 @@ def training_data(
         # Detections of several instances are numbered by the principal's scores; the same number
         # may mean another instance in the outcomes of another estimator.
         image = ["dataset", "scene_id", "im_id", "obj_id"]
-        alone = outcomes.filter(pl.col("inst_id").max().over(image) == 0)
+        alone = outcomes.filter(pl.col("est_id").max().over(image) == 0)
         for k, name in enumerate(estimates.estimators):
             table = outcomes if name == principal else alone
             success[k] = outcomes_of(estimates, table, name, gripper)

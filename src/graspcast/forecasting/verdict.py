@@ -156,12 +156,12 @@ def verdict_rows(
     gripper
         The gripper's name.
     """
-    columns = (estimates.scene_id, estimates.im_id, estimates.obj_id, estimates.inst_id)
+    columns = (estimates.scene_id, estimates.im_id, estimates.obj_id, estimates.est_id)
     keys = zip(*(column.tolist() for column in columns), strict=True)
     rows = list(zip(keys, verdicts, strict=True))
     for gap in estimates.partial:
         verdict = Verdict(False, None, f"no estimate by {', '.join(gap.lacking)}")
-        rows.append(((gap.scene_id, gap.im_id, gap.obj_id, gap.inst_id), verdict))
+        rows.append(((gap.scene_id, gap.im_id, gap.obj_id, gap.est_id), verdict))
     rows.sort(key=itemgetter(0))
     return [(key, VerdictRow(key[0], key[1], key[2], gripper, given)) for key, given in rows]
 

@@ -344,8 +344,8 @@ def _changed(requests: TrialRequests, **columns: Any) -> pl.DataFrame:
 
 def test_requests_that_are_wrong(requests: TrialRequests) -> None:
     keys, poses = requests.keys, requests.obj_T_est
-    with pytest.raises(InputError, match="lack the column 'inst_id'"):
-        TrialRequests(keys.drop("inst_id"), poses)
+    with pytest.raises(InputError, match="lack the column 'est_id'"):
+        TrialRequests(keys.drop("est_id"), poses)
     with pytest.raises(InputError, match="wrong type"):
         TrialRequests(_changed(requests, im_id=pl.lit("first")), poses)
     with pytest.raises(InputError, match=r"same keys: estimator epos.*im_id 3"):

@@ -135,7 +135,7 @@ def test_the_same_seed_finds_the_same_grasp_whatever_the_report_part_says() -> N
         dataset=pl.lit("d"),
         scene_id=pl.lit(0),
         obj_id=pl.lit(0),
-        inst_id=pl.lit(0),
+        est_id=pl.lit(0),
         gripper=pl.lit("parallel"),
         object=pl.lit("box"),
     )

@@ -20,7 +20,7 @@ _MEANING = {
     "scene_id": "BOP's number of the scene",
     "im_id": "BOP's number of the image in the scene",
     "obj_id": "BOP's number of the object",
-    "inst_id": "which instance of the object in the image, from 0",
+    "est_id": "which instance of the object in the image, from 0",
     "gripper": "who grasped",
     **dict.fromkeys(ERROR_COLUMNS[:3], "metres: the estimate's origin in the true object's frame"),
     **dict.fromkeys(

@@ -68,7 +68,7 @@ def trials_from_estimates(
                             "scene_id": table.scene_id[rows],
                             "im_id": table.im_id[rows],
                             "obj_id": table.obj_id[rows],
-                            "inst_id": numbers[rows],
+                            "est_id": numbers[rows],
                         }
                     ).with_columns(
                         estimator=pl.lit(estimator),

@@ -20,7 +20,7 @@ KEY_COLUMNS = {
     "scene_id": pl.Int64,
     "im_id": pl.Int64,
     "obj_id": pl.Int64,
-    "inst_id": pl.Int64,
+    "est_id": pl.Int64,
     "gripper": pl.String,
 }
 """What tells one trial from another."""

@@ -79,7 +79,7 @@ def trials_from_transferred_errors(
                 dataset=pl.lit(dataset),
                 scene_id=pl.lit(0),
                 obj_id=pl.lit(int(number)),
-                inst_id=pl.lit(0),
+                est_id=pl.lit(0),
                 gripper=pl.lit(gripper),
             )
         )
