@@ -26,7 +26,7 @@ def truth_of(poses: np.ndarray, *, im_id: list[int], obj_id: list[int]) -> Groun
         scene_id=np.ones(len(poses), int),
         im_id=np.array(im_id),
         obj_id=np.array(obj_id),
-        est_id=np.zeros(len(poses), int),
+        gt_id=np.zeros(len(poses), int),
         cam_T_obj=poses,
         visib_fract=np.ones(len(poses)),
     )
