@@ -51,7 +51,7 @@ def main() -> None:
     benchmark = Benchmark.of(data, simulated, transferred)
     methods = {"blend": METHODS["blend"](given.seed)}
     forecasts = forecast_all(benchmark, methods, ["unseen_scenes"], work=given.work)
-    images = [f"{d}/{s}/{i}" for d, s, i, *_ in benchmark.estimates.instances()]
+    images = [f"{d}/{s}/{i}" for d, s, i, *_ in benchmark.estimates.instances.to_keys()]
     print("| certified on | gripper | principal | no threshold | broken | attempted | of perfect |")
     print("|---|---|---|---|---|---|---|")
     found = []

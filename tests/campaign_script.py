@@ -12,11 +12,12 @@ import numpy as np
 import polars as pl
 
 from graspcast.errors import GraspcastError
+from graspcast.estimates.outcomes import TRIAL_COLUMNS
 from graspcast.pose.transforms import exp
 from graspcast.simulation.campaign.campaign import run_campaign
 from graspcast.simulation.campaign.executors import LocalExecutor
 from graspcast.simulation.campaign.jobs import load_setups
-from graspcast.simulation.campaign.requests import KEY_COLUMNS, TrialRequests
+from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.grasps.table import read_grasps
 
 
@@ -25,7 +26,9 @@ def make_requests(count: int, grippers: tuple[str, ...] = ("parallel",)) -> Tria
     rng = np.random.default_rng(7)
     rows = [("epos", "ycbv", 48, k, 4, 0, g) for k in range(count) for g in grippers]
     twists = rng.normal(size=(len(rows), 6)) * ([0.01] * 3 + [0.1] * 3)
-    return TrialRequests(pl.DataFrame(rows, schema=list(KEY_COLUMNS), orient="row"), exp(twists))
+    return TrialRequests(
+        pl.DataFrame(rows, schema=list(TRIAL_COLUMNS)[:-1], orient="row"), exp(twists)
+    )
 
 
 def main() -> int:

@@ -11,6 +11,7 @@ import polars as pl
 
 from graspcast.bop.models import Models
 from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.instances import Instances
 from graspcast.evaluation.benchmark import Benchmark
 from graspcast.forecasting.samples import Samples
 from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
@@ -36,13 +37,20 @@ def estimates(
         poses.append(np.where(far[:, None, None] & (k > 0), off, near))
     return Estimates(
         estimators=names,
-        dataset=np.full(n, dataset),
-        scene_id=np.arange(n) * scenes // n,
-        im_id=np.arange(n),
-        obj_id=np.array(objects)[np.arange(n) % len(objects)],
-        est_id=np.zeros(n, np.int64),
+        instances=Instances(
+            dataset=np.full(n, dataset),
+            scene_id=np.arange(n) * scenes // n,
+            im_id=np.arange(n),
+            obj_id=np.array(objects)[np.arange(n) % len(objects)],
+            est_id=np.zeros(n, np.int64),
+        ),
         cam_T_obj=np.stack(poses),
     )
+
+
+def with_keys(given: Estimates, **columns: np.ndarray) -> Estimates:
+    """The same poses, of instances with other keys."""
+    return dataclasses.replace(given, instances=dataclasses.replace(given.instances, **columns))
 
 
 def samples(n: int = 120, *, seed: int = 0, noise: float = 0.05, **options: object) -> Samples:

@@ -21,7 +21,7 @@ from graspcast.forecasting.forecaster import Forecaster
 from graspcast.guarantees.certificate import Certificate
 from poses import results_of, write_models
 
-N, SCENES, OOD_ALPHA = 120, 6, 7
+N, SCENES, UNUSUAL = 120, 6, 7
 
 
 def tables() -> dict[str, Results]:
@@ -164,8 +164,8 @@ def test_explanations_are_those_of_the_forecaster(world: Path, tmp_path: Path) -
     assert main(predict(world, tmp_path, "--explain")) == 0
     for row, before in zip(verdicts(tmp_path), plain, strict=True):
         assert row["probability"] == before["probability"]
-        assert row["reason"].startswith(before["reason"] + "; moved by ")
-        told = row["reason"].rpartition("; moved by ")[2].split(", ")
+        assert row["reason"].startswith(before["reason"] + "; attributed to ")
+        told = row["reason"].rpartition("; attributed to ")[2].split(", ")
         assert len(told) == 2
         sizes = [abs(float(each.rpartition(" ")[2])) for each in told]
         assert sizes[0] >= sizes[1]
@@ -193,14 +193,16 @@ def test_a_promise_brings_the_threshold_and_belongs_to_its_model(
     assert str(guarantee) in capsys.readouterr().out
     for row in verdicts(tmp_path):
         likely = float(row["probability"]) >= guarantee.threshold
-        assert (row["verdict"] == "attempt") == (likely and "unfamiliar" not in row["reason"])
+        assert (row["verdict"] == "attempt") == (
+            likely and "out-of-distribution" not in row["reason"]
+        )
     again = tmp_path / "again"
     both = ("--certificate", str(path), "--threshold", "0.4")
     assert "leave out --threshold" in refused(predict(world, again, *both), capsys)
     mismatched = predict(world, again, "--certificate", str(path), models=("ab.npz",))
-    assert "no promise was made for the model with b: certify it" in refused(mismatched, capsys)
+    assert "no certificate was made for the model with b: certify it" in refused(mismatched, capsys)
     two = predict(world, again, "--certificate", str(path), models=("abc.npz", "ab.npz"))
-    assert "no promise was made for the model with b" in refused(two, capsys)
+    assert "no certificate was made for the model with b" in refused(two, capsys)
     assert not again.exists()
 
 
@@ -249,7 +251,7 @@ def test_strange_disagreement_is_abstained_from_unless_it_is_trusted(
     for name, table in tables().items():
         poses = table.cam_T_obj.copy()
         if name == "b":
-            poses[OOD_ALPHA, :3, 3] += [3.0, -2.0, 4.0]
+            poses[UNUSUAL, :3, 3] += [3.0, -2.0, 4.0]
         write_results(
             tmp_path / f"{name}_made-test.csv", dataclasses.replace(table, cam_T_obj=poses)
         )
@@ -260,8 +262,8 @@ def test_strange_disagreement_is_abstained_from_unless_it_is_trusted(
         found[share] = {int(row["im_id"]): row for row in verdicts(tmp_path)}
     assert {row["verdict"] for row in found["0"].values()} == {"attempt"}
     assert {row["verdict"] for row in found["1"].values()} == {"abstain"}
-    ood_alpha = found["0.01"][OOD_ALPHA]
-    assert ood_alpha["verdict"] == "abstain"
-    assert "unfamiliar disagreement (p-value 0.008" in ood_alpha["reason"]
-    assert ood_alpha["probability"] == found["0"][OOD_ALPHA]["probability"]
+    unusual = found["0.01"][UNUSUAL]
+    assert unusual["verdict"] == "abstain"
+    assert "out-of-distribution disagreement (p-value 0.008" in unusual["reason"]
+    assert unusual["probability"] == found["0"][UNUSUAL]["probability"]
     assert sum(row["verdict"] == "abstain" for row in found["0.01"].values()) <= 4

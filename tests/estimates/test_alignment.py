@@ -12,7 +12,7 @@ from numpy.testing import assert_array_equal
 
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, MismatchError, UnknownNameError
-from graspcast.estimates.alignment import align, concatenate, instance_numbers
+from graspcast.estimates.alignment import align, concatenate, estimate_ids
 from poses import nudged, random_poses, results_of
 
 
@@ -56,7 +56,7 @@ def test_instances_are_numbered_by_the_anchors_score_and_paired_by_position() ->
     assert both.est_id.tolist() == [0, 1, 2]
     assert both.of("a")[:, 0, 3].tolist() == [0.5, 0, 0]
     assert both.of("b")[:, 0, 3].tolist() == [0.51, 0.01, 0.01]
-    assert instance_numbers(a).tolist() == [2, 0, 1]
+    assert estimate_ids(a).tolist() == [2, 0, 1]
 
 
 def test_pairing_minimises_the_total_not_each_distance() -> None:
@@ -91,7 +91,7 @@ def test_the_anchors_order_of_rows_does_not_matter(order: list[int], seed: int) 
 
 def test_messages_list_what_there_is() -> None:
     a = results_of(random_poses(2))
-    with pytest.raises(InputError, match="takes two estimators or more, but there is 1"):
+    with pytest.raises(InputError, match="takes at least two estimators, but there is 1"):
         align({"a": a}, dataset="d")
     with pytest.raises(UnknownNameError, match="unknown estimator 'c'; known: a, b"):
         align({"a": a, "b": a}, dataset="d", anchor="c")

@@ -18,7 +18,7 @@ def table(seed: int, n: int = 200, start: int = 0) -> pl.DataFrame:
             "scene_id": np.ones(n, dtype=np.int64),
             "im_id": np.arange(start, start + n),
             "obj_id": np.arange(start, start + n) % 3,
-            "est_id": np.zeros(n, dtype=np.int64),
+            "gt_id": np.zeros(n, dtype=np.int64),
             "rotation_deg": rng.gamma(1.0, 20.0, n),
             "translation_mm": rng.gamma(2.0, 15.0, n),
             "ray_share": rng.random(n),

@@ -117,7 +117,7 @@ def estimates() -> Results:
 
 def test_every_measure_by_hand(dataset: BopDataset) -> None:
     table = measure(estimates(), dataset).sort("im_id")
-    assert table.columns == ["scene_id", "im_id", "obj_id", "est_id", *MEASURES]
+    assert table.columns == ["scene_id", "im_id", "obj_id", "est_id", "gt_id", *MEASURES]
     assert table["im_id"].to_list() == [0, 1, 2, 3, 4, 5]
     assert table["obj_id"].to_list() == [1, 2, 1, 2, 1, 2]
     corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T * [0.02, 0.03, 0.05]
@@ -146,14 +146,14 @@ def test_every_measure_by_hand(dataset: BopDataset) -> None:
 
 def test_only_what_is_wanted_is_measured(dataset: BopDataset) -> None:
     table = measure(estimates(), dataset, only=("add_mm",))
-    assert table.columns == ["scene_id", "im_id", "obj_id", "est_id", "add_mm"]
+    assert table.columns == ["scene_id", "im_id", "obj_id", "est_id", "gt_id", "add_mm"]
     assert table.equals(measure(estimates(), dataset).select(table.columns))
 
 
 def test_an_object_that_the_models_lack_is_refused(dataset: BopDataset) -> None:
-    ood_alpha = dataclasses.replace(estimates(), obj_id=np.array([1, 2, 1, 2, 1, 7]))
+    strange = dataclasses.replace(estimates(), obj_id=np.array([1, 2, 1, 2, 1, 7]))
     with pytest.raises(UnknownNameError, match="unknown object '7'; known: 1, 2"):
-        measure(ood_alpha, dataset)
+        measure(strange, dataset)
 
 
 def test_what_has_no_ground_truth_has_no_row(dataset: BopDataset) -> None:

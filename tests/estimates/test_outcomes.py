@@ -11,13 +11,15 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from graspcast.errors import FormatError
+from graspcast.errors import FormatError, MismatchError
+from graspcast.estimates.instances import InstanceKey, Instances
 from graspcast.estimates.outcomes import (
     ERROR_COLUMNS,
-    KEYS,
+    TRIAL_COLUMNS,
     error_numbers,
     read_error_outcomes,
     read_outcomes,
+    success_of_each,
 )
 from graspcast.io.tables import write_table
 from poses import random_poses
@@ -33,16 +35,20 @@ def write(path: Path, *rows: str, header: str = HEADER) -> Path:
 
 def test_csv_parquet_and_shards_say_the_same(tmp_path: Path) -> None:
     from_csv = read_outcomes(write(tmp_path / "a.csv", *ROWS))
-    assert from_csv.columns == [*KEYS, "success"]
-    assert from_csv["est_id"].to_list() == [0, 0, 0]
+    assert from_csv.columns == [*TRIAL_COLUMNS, "success"]
+    assert from_csv["est_id"].to_list() == [None] * 3
+    assert from_csv["grasp"].to_list() == ["reference"] * 3
     assert from_csv["success"].to_list() == [1, 0, 1]
-    write_table(tmp_path / "a.parquet", from_csv)
+    write_table(tmp_path / "a.parquet", from_csv.drop("est_id"))
     assert read_outcomes(tmp_path / "a.parquet").equals(from_csv)
     for i in range(3):
-        write_table(tmp_path / "campaign" / f"{i % 2}" / f"part-{i}.parquet", from_csv[i : i + 1])
+        write_table(
+            tmp_path / "campaign" / f"{i % 2}" / f"part-{i}.parquet",
+            from_csv.drop("est_id")[i : i + 1],
+        )
     shards = read_outcomes(tmp_path / "campaign")
-    assert shards.sort(KEYS).equals(from_csv.sort(KEYS))
-    write_table(tmp_path / "b.csv", from_csv)
+    assert shards.sort(TRIAL_COLUMNS).equals(from_csv.sort(TRIAL_COLUMNS))
+    write_table(tmp_path / "b.csv", from_csv.drop("est_id"))
     assert read_outcomes(tmp_path / "b.csv").equals(from_csv)
 
 
@@ -52,17 +58,22 @@ def test_columns_may_stand_in_any_order_with_others_beside_them(tmp_path: Path) 
         "1,0.5,2,parallel,epos,5,lmo,9,1",
         header="success,score,scene_id,gripper,estimator,im_id,dataset,est_id,obj_id",
     )
-    row = ("epos", "lmo", 2, 5, 1, 9, "parallel", 1)
+    row = ("epos", "lmo", 2, 5, 1, 9, "parallel", "reference", 1)
     assert read_outcomes(path).row(0) == row
 
 
 def test_success_may_be_true_or_false(tmp_path: Path) -> None:
     frame = read_outcomes(write(tmp_path / "a.csv", *ROWS))
-    write_table(tmp_path / "b.parquet", frame.with_columns(pl.col("success").cast(pl.Boolean)))
+    write_table(
+        tmp_path / "b.parquet",
+        frame.drop("est_id").with_columns(pl.col("success").cast(pl.Boolean)),
+    )
     assert read_outcomes(tmp_path / "b.parquet").equals(frame)
 
 
-@pytest.mark.parametrize("name", KEYS[:5] + KEYS[6:] + ("success",))
+@pytest.mark.parametrize(
+    "name", [c for c in (*TRIAL_COLUMNS, "success") if c not in ("est_id", "grasp")]
+)
 def test_a_column_that_is_not_there_is_named(tmp_path: Path, name: str) -> None:
     header = ",".join(f"{c}s" if c == name else c for c in HEADER.split(","))
     path = write(tmp_path / "a.csv", *ROWS, header=header)
@@ -133,7 +144,7 @@ def test_any_bytes_are_read_or_refused(content: bytes, tmp_path: Path) -> None:
         assert str(error).startswith(str(path))
     else:
         assert frame["success"].is_in([0, 1]).all()
-        assert frame.null_count().sum_horizontal().sum() == 0
+        assert frame.drop("est_id").null_count().sum_horizontal().sum() == 0
 
 
 @pytest.mark.parametrize("name", ["lmo", "ycbv"])
@@ -178,7 +189,7 @@ def test_outcomes_without_errors_or_with_holes_in_them_are_refused(tmp_path: Pat
     path = tmp_path / "x.parquet"
     whole = guided(random_poses(5))
     write_table(path, whole.drop("error_ry_rad"))
-    with pytest.raises(FormatError, match="no column 'error_ry_rad'; give a campaign of grasp"):
+    with pytest.raises(FormatError, match="no column 'error_ry_rad'; give a campaign of sim"):
         read_error_outcomes(path)
     for hole in (None, float("nan"), float("inf")):
         holed = whole.with_columns(
@@ -190,3 +201,54 @@ def test_outcomes_without_errors_or_with_holes_in_them_are_refused(tmp_path: Pat
     write_table(path, whole.with_columns(error_x_m=pl.lit("far")))
     with pytest.raises(FormatError, match="does not hold what it should"):
         read_error_outcomes(path)
+
+
+# --- Which instance an outcome is of --------------------------------------------------------------
+
+INSTANCES = Instances.of(
+    [InstanceKey("lmo", 2, 3, 1, 0), InstanceKey("lmo", 2, 3, 1, 1), InstanceKey("lmo", 2, 3, 5, 0)]
+)
+
+
+def test_outcomes_find_their_instances_by_the_whole_key(tmp_path: Path) -> None:
+    rows = [
+        "b,lmo,2,3,1,hand,0,0",
+        "a,lmo,2,3,1,hand,1,1",
+        "a,lmo,2,3,1,hand,0,0",
+        "a,icbin,2,3,5,hand,1,0",
+    ]
+    table = read_outcomes(
+        write(tmp_path / "a.csv", *rows, header=HEADER.replace("success", "success,est_id"))
+    )
+    assert success_of_each(INSTANCES, table, "a", "hand")[:2].tolist() == [0, 1]
+    assert np.isnan(success_of_each(INSTANCES, table, "a", "hand")[2])
+    assert np.isnan(success_of_each(INSTANCES, table, "a", "claw")).all()
+    assert np.isnan(success_of_each(INSTANCES, table, "a", "hand", grasp="side")).all()
+
+
+def test_outcomes_without_est_id_are_refused_where_an_object_has_several_instances(
+    tmp_path: Path,
+) -> None:
+    path = write(tmp_path / "a.csv", "a,lmo,2,3,1,hand,1", "a,lmo,2,3,5,hand,1")
+    table = read_outcomes(path)
+    with pytest.raises(
+        MismatchError, match="image 2/3 has several instances of lmo-1, but the outc"
+    ):
+        success_of_each(INSTANCES, table, "a", "hand")
+    # Another object's instances, and another estimator's outcomes, are no reason.
+    assert success_of_each(INSTANCES.select(np.array([0, 2])), table, "a", "hand").tolist() == [
+        1,
+        1,
+    ]
+    assert np.isnan(success_of_each(INSTANCES, table, "b", "hand")).all()
+    twice = write(tmp_path / "b.csv", "a,lmo,2,3,1,hand,1", "a,lmo,2,3,1,hand,0")
+    with pytest.raises(FormatError, match="a column est_id tells several instances apart"):
+        read_outcomes(twice)
+
+
+def test_the_former_name_of_est_id_is_read(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", "a,lmo,2,3,1,hand,1,4", header=HEADER + ",inst_id")
+    assert read_outcomes(path)["est_id"].to_list() == [4]
+    both = write(tmp_path / "b.csv", "a,lmo,2,3,1,hand,1,4,4", header=HEADER + ",inst_id,est_id")
+    with pytest.raises(FormatError, match="has both est_id and inst_id"):
+        read_outcomes(both)

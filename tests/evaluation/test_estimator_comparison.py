@@ -14,6 +14,7 @@ import polars as pl
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+import synthetic
 from graspcast import (
     Comparison,
     Estimates,
@@ -27,6 +28,7 @@ from graspcast import (
 from graspcast.bop.results import write_results
 from graspcast.cli import main
 from graspcast.errors import InputError, MismatchError
+from graspcast.estimates.instances import Instances
 from graspcast.evaluation.cross_validation import cross_validate, cross_validated
 from graspcast.evaluation.paired_differences import FORECAST, STANDING
 from graspcast.forecasting import train
@@ -77,18 +79,22 @@ class World:
                     for i in range(n)
                 ]
         columns = ["estimator", "dataset", "scene_id", "im_id", "obj_id", "gripper", "success"]
-        outcomes = pl.DataFrame(rows, schema=[*columns, "est_id"], orient="row")
+        outcomes = pl.DataFrame(rows, schema=[*columns, "est_id"], orient="row").with_columns(
+            grasp=pl.lit("reference")
+        )
         return cls(n, names, truth, poses, scene, outcomes)
 
     @property
     def estimates(self) -> Estimates:
         return Estimates(
             estimators=tuple(self.names),
-            dataset=np.full(self.n, "made"),
-            scene_id=self.scene,
-            im_id=np.arange(self.n),
-            obj_id=1 + np.arange(self.n) % 2,
-            est_id=np.zeros(self.n, np.int64),
+            instances=Instances(
+                dataset=np.full(self.n, "made"),
+                scene_id=self.scene,
+                im_id=np.arange(self.n),
+                obj_id=1 + np.arange(self.n) % 2,
+                est_id=np.zeros(self.n, np.int64),
+            ),
             cam_T_obj=np.stack(list(self.poses.values())),
         )
 
@@ -259,7 +265,7 @@ def test_blocks_of_frames_are_cut_as_in_training(
 def test_an_object_of_one_scene_has_no_probability(models: dict[str, Models]) -> None:
     world = World.make(120, scenes=6)
     given = world.training_data("a")
-    alone = dataclasses.replace(
+    alone = synthetic.with_keys(
         given.estimates, obj_id=np.where(given.estimates.scene_id == 2, 2, 1)
     )
     given = dataclasses.replace(given, estimates=alone)
@@ -349,7 +355,7 @@ def test_two_estimators_are_told_what_cannot_be_said(
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"names": "a"}, "a consensus takes two estimators or more"),
+        ({"names": "a"}, "a consensus takes at least two estimators"),
         ({"gripper": "vacuum"}, "unknown gripper 'vacuum'; known: parallel. These have"),
         ({"names": "bc", "more": ["--folds", "1"]}, "two folds"),
         ({"more": ["--folds", "9"]}, "6 scenes cannot make 9 folds"),

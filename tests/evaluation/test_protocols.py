@@ -231,6 +231,6 @@ def test_the_published_benchmark_guessing_the_majority(data: Published) -> None:
 
 def test_an_instance_without_ground_truth_is_named(data: Published) -> None:
     benchmark = Benchmark.of(data)
-    ood_alpha = dataclasses.replace(benchmark.estimates, im_id=benchmark.estimates.im_id + 100_000)
+    strangers = synthetic.with_keys(benchmark.estimates, im_id=benchmark.estimates.im_id + 100_000)
     with pytest.raises(MismatchError, match="3152 instances have no ground truth"):
-        _true_poses(ood_alpha, data.bop)
+        _true_poses(strangers, data.bop)

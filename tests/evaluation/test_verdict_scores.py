@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -12,25 +13,31 @@ import pytest
 
 from commands import refused
 from graspcast.cli import main
-from graspcast.errors import InputError, UnknownNameError
+from graspcast.errors import MismatchError, UnknownNameError
+from graspcast.estimates.instances import InstanceKey
 from graspcast.evaluation.verdict_scores import score_verdicts, verdict_table
-from graspcast.forecasting.verdict import Verdict, VerdictRow
-
-HEADER = "scene_id,im_id,obj_id,gripper,probability,verdict,reason\n"
+from graspcast.forecasting.verdict import Verdict, VerdictRow, write_verdicts
 
 
-def verdicts(scene: np.ndarray, attempt: np.ndarray, gripper: str = "hand") -> list[VerdictRow]:
+def verdicts(
+    scene: np.ndarray, attempt: np.ndarray, gripper: str = "hand", principal: str = "a"
+) -> list[VerdictRow]:
+    """Three instances of one object an image."""
     return [
-        VerdictRow(int(s), i, 5, gripper, Verdict(bool(a), float(a), "why"))
+        VerdictRow(
+            InstanceKey("d", int(s), i // 3, 5, i % 3),
+            principal,
+            gripper,
+            Verdict(bool(a), float(a), "why"),
+            np.eye(4),
+        )
         for i, (s, a) in enumerate(zip(scene, attempt, strict=True))
     ]
 
 
 def outcomes(scene: np.ndarray, success: np.ndarray, estimator: str = "a") -> pl.DataFrame:
-    table = verdict_table(verdicts(scene, success))
-    return table.with_columns(
-        estimator=pl.lit(estimator), dataset=pl.lit("d"), success=table["attempt"].cast(int)
-    )
+    table = verdict_table(verdicts(scene, success, principal=estimator))
+    return table.with_columns(success=table["attempt"].cast(int))
 
 
 def some(seed: int, n: int = 400, scenes: int = 20) -> tuple[np.ndarray, ...]:
@@ -78,7 +85,7 @@ def test_order_of_rows_and_other_outcomes_do_not_matter() -> None:
     whole = score_verdicts(mine, theirs)
     shuffled = theirs.sample(fraction=1.0, shuffle=True, seed=1)
     more = pl.concat([shuffled, outcomes(scene, ~success, "b")])
-    assert score_verdicts(mine[::-1], more, principal="a") == whole
+    assert score_verdicts(mine[::-1], more) == whole
 
 
 def test_what_cannot_be_said_is_not_said() -> None:
@@ -90,31 +97,69 @@ def test_what_cannot_be_said_is_not_said() -> None:
     assert one.as_dict()["always"] == {"value": success.mean(), "low": None, "high": None}
     assert str(one.always) == f"{success.mean():.3f}"
     half = outcomes(scene, success).filter(pl.col("im_id") % 2 == 0)
-    assert score_verdicts(verdicts(scene, attempt), half).untried == 200
+    assert score_verdicts(verdicts(scene, attempt), half).untried == 400 - len(half)
 
 
-def test_whose_outcomes_is_to_be_said() -> None:
+def test_what_has_no_outcomes_is_named() -> None:
     scene, attempt, success = some(4)
-    mine = verdicts(scene, attempt)
     both = pl.concat([outcomes(scene, success, name) for name in "ab"])
-    with pytest.raises(InputError, match="several: a, b; say which, by --principal"):
-        score_verdicts(mine, both)
     with pytest.raises(UnknownNameError, match="estimator 'c'; known: a, b"):
-        score_verdicts(mine, both, principal="c")
+        score_verdicts(verdicts(scene, attempt, principal="c"), both)
     with pytest.raises(UnknownNameError, match="gripper 'claw'"):
-        score_verdicts(verdicts(scene, attempt, "claw"), both, principal="a")
-    with pytest.raises(InputError, match="no outcome is about any of the verdicts"):
-        score_verdicts(verdicts(scene + 99, attempt), both, principal="a")
+        score_verdicts(verdicts(scene, attempt, "claw"), both)
+    with pytest.raises(UnknownNameError, match="dataset 'd'; known: e"):
+        score_verdicts(verdicts(scene, attempt), both.with_columns(dataset=pl.lit("e")))
+    with pytest.raises(MismatchError, match="no outcome is about any of the verdicts"):
+        score_verdicts(verdicts(scene + 99, attempt), both)
+
+
+def test_filtered_and_sorted_verdicts_keep_their_outcomes() -> None:
+    """The rank of a row in the file says nothing about its instance."""
+    scene, _, success = some(5)
+    mine, theirs = verdicts(scene, success), outcomes(scene, success)
+    assert score_verdicts(mine, theirs).following.value == 1.0  # type: ignore[union-attr]
+    attempts = [row for row in mine if row.verdict.attempt][::-1]
+    only = score_verdicts(attempts, theirs)
+    assert (only.always.value, only.n) == (1.0, success.sum())
+
+
+def test_outcomes_that_could_be_of_several_instances_are_refused() -> None:
+    scene, attempt, success = some(6)
+    unstated = outcomes(scene, success).drop("est_id").unique(["scene_id", "im_id"])
+    with pytest.raises(
+        MismatchError, match="several instances of d-5, but the outcomes have no co"
+    ):
+        score_verdicts(verdicts(scene, attempt), unstated)
+
+
+def test_verdicts_of_two_datasets_with_the_same_numbers_are_told_apart() -> None:
+    scene, attempt, success = some(7)
+    mine = verdicts(scene, attempt)
+    other = [dataclasses.replace(row, key=row.key._replace(dataset="e")) for row in mine]
+    theirs = outcomes(scene, success)
+    both = pl.concat(
+        [theirs, theirs.with_columns(dataset=pl.lit("e"), success=1 - pl.col("success"))]
+    )
+    assert score_verdicts(mine + other, both).always.value == 0.5
+    assert score_verdicts(mine, both).always.value == pytest.approx(success.mean())
 
 
 @pytest.fixture
 def files(tmp_path: Path) -> tuple[Path, Path]:
     said, came = tmp_path / "verdicts.csv", tmp_path / "outcomes.csv"
-    lines = [
-        f"{i % 4},{i},5,parallel,{i / 10},{'attempt' if i > 4 else 'abstain'},why"
-        for i in range(10)
-    ]
-    said.write_text(HEADER + "\n".join(lines) + "\n")
+    write_verdicts(
+        said,
+        [
+            VerdictRow(
+                InstanceKey("d", i % 4, i, 5, 0),
+                "a",
+                "parallel",
+                Verdict(i > 4, i / 10, "why"),
+                np.eye(4),
+            )
+            for i in range(10)
+        ],
+    )
     rows = [f"a,d,{i % 4},{i},5,parallel,{int(i > 3)}" for i in range(10)]
     header = "estimator,dataset,scene_id,im_id,obj_id,gripper,success\n"
     came.write_text(header + "\n".join(rows) + "\n")
@@ -135,17 +180,12 @@ def test_the_verb(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) 
     assert content["attempts"] == 5
 
 
-def test_instances_are_numbered_in_the_order_of_the_file() -> None:
-    rows = [VerdictRow(1, 2, obj, "hand", Verdict(True, 0.5, "")) for obj in (5, 6, 5, 5)]
-    assert verdict_table(rows)["est_id"].to_list() == [0, 0, 1, 2]
-
-
 def test_files_that_are_none(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
     said, came = files
     command = ["score", "--verdicts", str(said), "--outcomes", str(came)]
     said.write_text("a,b\n1,2\n")
-    assert "no column scene_id" in refused(command, capsys)
+    assert "no column dataset" in refused(command, capsys)
     said.unlink()
     assert "cannot be read" in refused(command, capsys)
-    said.write_text(HEADER)
+    write_verdicts(said, [])
     assert "no outcome is about any of the verdicts" in refused(command, capsys)

@@ -153,7 +153,7 @@ def test_the_hash_is_that_of_the_data() -> None:
     attribution = dataclasses.replace(samples.estimates, cam_T_obj=poses)
     flipped = samples.success.copy()
     flipped[3] ^= True
-    renamed = dataclasses.replace(samples.estimates, im_id=samples.estimates.im_id + 1)
+    renamed = synthetic.with_keys(samples.estimates, im_id=samples.estimates.im_id + 1)
     others = [
         dataclasses.replace(samples, estimates=attribution),
         dataclasses.replace(samples, success=flipped),
@@ -227,7 +227,9 @@ def test_what_cannot_be_trained_on_is_refused() -> None:
 def test_only_unseen_scenes_are_scored(monkeypatch: pytest.MonkeyPatch) -> None:
     samples = synthetic.samples(120, scenes=6)
     groups = dict(
-        zip(samples.estimates.im_id.tolist(), scene_groups(samples.estimates), strict=True)
+        zip(
+            samples.estimates.im_id.tolist(), scene_groups(samples.estimates.instances), strict=True
+        )
     )
     asked: list[int] = []
 
@@ -262,7 +264,7 @@ def test_an_object_of_one_scene_is_not_scored(models: dict[str, Models]) -> None
     estimates = samples.estimates
     alone = estimates.scene_id == 5
     obj_id = np.where(alone, 2, 1)
-    samples = dataclasses.replace(samples, estimates=dataclasses.replace(estimates, obj_id=obj_id))
+    samples = dataclasses.replace(samples, estimates=synthetic.with_keys(estimates, obj_id=obj_id))
     # One scene a fold: that of object 2 is left with nothing to ask.
     found = cross_validate(samples, folds=6, method="threshold", models=models)
     assert found.n == 100

@@ -56,8 +56,8 @@ def outlier(given: Estimates, supporter: int) -> Estimates:
 
 @pytest.mark.parametrize("supporter", [1, 2])
 def test_a_gross_outlier_has_the_smallest_p_value(supporter: int) -> None:
-    ood_alpha = outlier(synthetic.estimates(20, seed=5), supporter)
-    found = fitted(0).p_value(ood_alpha, "a", SUPPORTERS)
+    unusual = outlier(synthetic.estimates(20, seed=5), supporter)
+    found = fitted(0).p_value(unusual, "a", SUPPORTERS)
     assert_array_equal(found, 1 / (TRAINING + 1))
 
 
@@ -65,11 +65,11 @@ def test_perfect_agreement_is_what_it_is_and_others_beside_it_change_nothing() -
     novelty = fitted(0)
     given = synthetic.estimates(50, seed=5)
     expected = novelty.p_value(given, "a", SUPPORTERS)
-    ood_alpha = outlier(given, 1)
+    unusual = outlier(given, 1)
     mixed = dataclasses.replace(
         given,
         cam_T_obj=np.where(
-            (np.arange(50) < 25)[None, :, None, None], given.cam_T_obj, ood_alpha.cam_T_obj
+            (np.arange(50) < 25)[None, :, None, None], given.cam_T_obj, unusual.cam_T_obj
         ),
     )
     found = novelty.p_value(mixed, "a", SUPPORTERS)
@@ -81,8 +81,8 @@ def test_perfect_agreement_is_what_it_is_and_others_beside_it_change_nothing() -
 
 
 def test_one_scene_is_enough_and_arrays_come_back() -> None:
-    single = dataclasses.replace(synthetic.estimates(40), im_id=np.zeros(40, np.int64))
-    single = dataclasses.replace(single, scene_id=np.zeros(40, np.int64))
+    single = synthetic.with_keys(synthetic.estimates(40), im_id=np.zeros(40, np.int64))
+    single = synthetic.with_keys(single, scene_id=np.zeros(40, np.int64))
     novelty = Novelty.fit(single, "a")
     assert np.isfinite(novelty.scores).all()
     again = Novelty.from_arrays(novelty.to_arrays())

@@ -49,7 +49,7 @@ def test_outcomes_find_their_instances_whatever_their_order() -> None:
 
 
 def test_instances_of_one_object_in_one_image_are_told_apart() -> None:
-    given_ = dataclasses.replace(
+    given_ = synthetic.with_keys(
         synthetic.estimates(3, objects=(1,), scenes=1),
         im_id=np.zeros(3, int),
         est_id=np.array([2, 0, 1]),
@@ -152,7 +152,7 @@ def test_a_missing_split_is_refused(tmp_path: Path) -> None:
 
 
 def check_folds(samples: Samples, folds: int, seed: int) -> None:
-    groups = scene_groups(samples.estimates)
+    groups = scene_groups(samples.estimates.instances)
     tested = []
     for train, test in by_scene(samples, folds=folds, seed=seed):
         assert not set(groups[train]) & set(groups[test])
@@ -198,7 +198,7 @@ def test_the_only_scene_is_cut_into_contiguous_blocks(n: int, blocks: int, rando
 
 def test_an_image_stays_in_one_block_and_other_datasets_are_not_cut() -> None:
     one = synthetic.estimates(40, scenes=1)
-    one = dataclasses.replace(one, im_id=one.im_id // 4)
+    one = synthetic.with_keys(one, im_id=one.im_id // 4)
     groups = scene_groups(one)
     for image in np.unique(one.im_id):
         assert len(set(groups[one.im_id == image])) == 1

@@ -43,7 +43,7 @@ def crowded() -> Estimates:
     given = synthetic.estimates(14, objects=(1,))
     image = np.array([0, 1, 2, 3, 3, 4, 4, 5, 6, 7, 8, 9, 10, 11])
     instance = np.array([0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0, 0, 0, 0])
-    return dataclasses.replace(given, scene_id=np.zeros(14, np.int64), im_id=image, est_id=instance)
+    return synthetic.with_keys(given, scene_id=np.zeros(14, np.int64), im_id=image, est_id=instance)
 
 
 def test_other_estimators_outcomes_count_only_where_the_object_appears_once() -> None:

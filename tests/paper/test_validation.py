@@ -36,7 +36,9 @@ def found() -> dict[str, Any]:
     part = np.array(2 * ["fit", "fit", "choose", "choose", "report", "report"])
     trials = ObservedTrials(TrialRequests(keys, np.tile(np.eye(4), (12, 1, 1))), given, part)
     # A campaign's outcomes come in an order of their own.
-    outcomes = keys.with_columns(success=pl.Series(ours), reason=pl.Series(reasons)).reverse()
+    outcomes = keys.with_columns(
+        grasp=pl.lit("reference"), success=pl.Series(ours), reason=pl.Series(reasons)
+    ).reverse()
     grasps = GraspTable(
         ReferenceGrasp(Grasp(np.eye(4), "ycbv-4", g), "a test", agreement={"candidates": 7})
         for g in HANDS

@@ -18,8 +18,9 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.meshes import Mesh
 from graspcast.bop.results import Results, read_results, write_results
 from graspcast.cli import main
-from graspcast.errors import FormatError, InputError
-from graspcast.forecasting.verdict import VerdictRow, decide, read_verdicts, write_verdicts
+from graspcast.errors import InputError, MismatchError
+from graspcast.estimates.instances import InstanceKey
+from graspcast.forecasting.verdict import VerdictRow, decide, write_verdicts
 from graspcast.pose.transforms import rotation_from_vector, transform, transform_points
 from graspcast.rendering.drawing import BAD, GOOD
 from graspcast.rendering.overlay import draw_overlay
@@ -203,6 +204,13 @@ def test_without_ground_truth_there_is_the_estimate_alone(world: Path) -> None:
     assert any((a.pixels != b.pixels).any() for a, b in zip(known, fields, strict=True))
 
 
+def verdict_row(
+    scene_id: int, im_id: int, obj_id: int, est_id: int = 0, *, probability: float
+) -> VerdictRow:
+    key = InstanceKey("made", scene_id, im_id, obj_id, est_id)
+    return VerdictRow(key, "a", "parallel", decide(probability, 0.5), np.eye(4))
+
+
 def test_several_of_an_object_and_verdicts_on_each(world: Path) -> None:
     dataset = BopDataset(world / "made")
     table = read_results(world / "a_made-test.csv").select(np.array([0, 0]))
@@ -211,10 +219,7 @@ def test_several_of_an_object_and_verdicts_on_each(world: Path) -> None:
     # The second row of the file has the higher score, so it is instance 0.
     table = replace(table, cam_T_obj=shifted, score=np.array([0.2, 0.9]))
     one = replace(table.select(np.array([1])), score=np.array([0.7]))
-    verdicts = [
-        VerdictRow(1, 3, 1, "parallel", decide(0.9, 0.5)),
-        VerdictRow(1, 3, 1, "parallel", decide(0.2, 0.5)),
-    ]
+    verdicts = [verdict_row(1, 3, 1, 1, probability=0.2), verdict_row(1, 3, 1, 0, probability=0.9)]
     fields = overlays(dataset, {"a": table, "b": one}, [(1, 3)], verdicts=verdicts, size=64)
     assert [field.pixels is None for field in fields] == [False, False, False, True]
     told = [[row.verdict.attempt for row in field.verdicts] for field in fields]
@@ -228,13 +233,21 @@ def test_several_of_an_object_and_verdicts_on_each(world: Path) -> None:
         mine = np.array_split(sheet, 2, axis=1)[half]
         other = np.array_split(sheet, 2, axis=1)[1 - half]
         assert written(mine[64:], colour) > 10 and not written(other[64:], colour)
-    with pytest.raises(InputError, match="no verdict on instance 1 of made-1 in image 1/3"):
-        overlays(dataset, {"a": table}, [(1, 3)], verdicts=verdicts[:1], size=64)
+    missing = "no verdict on made-1 in image 1/3, est_id 1 by a"
+    with pytest.raises(InputError, match=missing):
+        overlays(dataset, {"a": table}, [(1, 3)], verdicts=verdicts[1:], size=64)
+    # The principal's estimates have the verdicts, wherever it stands.
+    fields = overlays(dataset, {"b": one, "a": table}, [(1, 3)], verdicts=verdicts, size=64)
+    assert [[row.key.est_id for row in field.verdicts] for field in fields] == [[], [0]]
+    with pytest.raises(
+        MismatchError, match="verdicts are on estimates by a, but the estimates are by b"
+    ):
+        overlays(dataset, {"b": one}, [(1, 3)], verdicts=verdicts, size=64)
 
 
 def test_the_verb_writes_a_sheet(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = [
-        VerdictRow(scene, image, obj_id, "parallel", decide(0.7, 0.5))
+        verdict_row(scene, image, obj_id, probability=0.7)
         for scene, image in IMAGES
         for obj_id in (1, 5)
     ]
@@ -274,9 +287,9 @@ def test_what_cannot_be_drawn_is_said(
 def test_estimates_of_other_images_verdicts_and_points_are_refused(
     world: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write_verdicts(world / "v.csv", [VerdictRow(9, 9, 1, "parallel", decide(0.7, 0.5))])
+    write_verdicts(world / "v.csv", [verdict_row(9, 9, 1, probability=0.7)])
     asked = command(world, "--image", "1/3", "--verdicts", str(world / "v.csv"))
-    assert "no verdict on instance 0 of made-1 in image 1/3" in refused(asked, capsys)
+    assert "no verdict on made-1 in image 1/3, est_id 0 by a" in refused(asked, capsys)
     (world / "made" / "test" / "000001" / "rgb" / "000003.png").unlink()
     assert "no image 1/3" in refused(command(world, "--image", "1/3"), capsys)
     path = world / "made" / "models" / "obj_000001.ply"
@@ -285,33 +298,6 @@ def test_estimates_of_other_images_verdicts_and_points_are_refused(
     said = refused(command(world, "--image", "2/3"), capsys)
     assert "obj_000001.ply: has no faces" in said
     assert not (world / "o.png").exists()
-
-
-def test_verdicts_come_back_as_they_were_written(tmp_path: Path) -> None:
-    rows = [
-        VerdictRow(1, 3, 5, "parallel", decide(0.25, 0.5)),
-        VerdictRow(1, 4, 5, "underactuated", decide(0.75, 0.5)),
-    ]
-    write_verdicts(tmp_path / "v.csv", rows)
-    read = read_verdicts(tmp_path / "v.csv")
-    assert [(r.scene_id, r.im_id, r.obj_id, r.gripper) for r in read] == [
-        (r.scene_id, r.im_id, r.obj_id, r.gripper) for r in rows
-    ]
-    assert [(r.verdict.attempt, r.verdict.probability, r.verdict.reason) for r in read] == [
-        (r.verdict.attempt, r.verdict.probability, r.verdict.reason) for r in rows
-    ]
-    good = (tmp_path / "v.csv").read_text()
-    for old, new, says in (
-        ("abstain", "perhaps", "line 2: the verdict is 'perhaps', not attempt or abstain"),
-        ("0.750000", "1.5", "line 3: the probability is 1.5, not from 0 to 1"),
-        ("0.750000", "nan", "line 3: the probability is nan"),
-        ("1,4,5", "1,99999999999999999999,5", "line 3: im_id is '99999999999999999999'"),
-        ("1,4,5", "1,4,5,6", "line 3: should have 7 fields"),
-        ("verdict,", "", "no column verdict"),
-    ):
-        (tmp_path / "v.csv").write_text(good.replace(old, new, 1))
-        with pytest.raises(FormatError, match=says):
-            read_verdicts(tmp_path / "v.csv")
 
 
 def test_real_images_of_lmo(data_dir: Path, tmp_path: Path) -> None:

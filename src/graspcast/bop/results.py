@@ -24,7 +24,14 @@ from graspcast.errors import FormatError
 from graspcast.io.files import write_text
 from graspcast.pose.transforms import is_identity, project_to_rotation, transform
 
-__all__ = ["Results", "checked_rotations", "dataset_of", "read_results", "write_results"]
+__all__ = [
+    "Results",
+    "checked_rotations",
+    "dataset_of",
+    "read_results",
+    "score_order",
+    "write_results",
+]
 
 COLUMNS = ("scene_id", "im_id", "obj_id", "score", "R", "t", "time")
 MAX_ROTATION_DEVIATION = 0.02
@@ -284,3 +291,16 @@ def write_results(path: str | PathLike[str], results: Results) -> None:
             f"{_join(translation_mm[i])},{'-1' if time_s == -1 else repr(time_s)}"
         )
     write_text(path, "\n".join(lines) + "\n")
+
+
+def score_order(results: Results) -> Int[ndarray, "n"]:
+    """Return the rows by decreasing score, so that the order of rows in the file does not matter.
+
+    Equal scores are ordered by the pose: first the one nearer to the camera (smaller z), then by
+    smaller x, smaller y, and the nine entries of the rotation, row by row. Rows that are equal in
+    all of these are the same estimate.
+    """
+    position, rotation = results.cam_T_obj[:, :3, 3], results.cam_T_obj[:, :3, :3].reshape(-1, 9)
+    # np.lexsort's last key is the first to decide.
+    columns = [*rotation.T[::-1], position[:, 1], position[:, 0], position[:, 2], -results.score]
+    return np.lexsort(columns)

@@ -115,12 +115,12 @@ def _certify(options: argparse.Namespace) -> None:
     note(*inputs.notes)
     if samples.untried:
         note(f"left out {samples.untried} instances without an outcome")
-    scenes = unit_names(samples.estimates, "scene")
+    scenes = unit_names(samples.estimates.instances, "scene")
     _check_unseen(card, set(scenes.tolist()), options.allow_training_scenes)
     probability = forecaster.probability(samples.estimates, inputs.models)
     # What a verdict would abstain from is no attempt here either.
     probability[forecaster.p_value(samples.estimates) <= options.ood_alpha] = 0.0
-    units = unit_names(samples.estimates, options.unit)
+    units = unit_names(samples.estimates.instances, options.unit)
     objects = samples.objects if options.per_object else None
     settings = {"rate": options.rate, "confidence": options.confidence, "weight": options.weight}
     out_of_fold = getattr(forecaster.predictor, "out_of_fold", None)

@@ -193,13 +193,13 @@ def _range(scenes: list[int]) -> list[str]:
 
 
 def _with_outcomes(verdicts: Path, trials: Path) -> pl.DataFrame:
-    """Verdicts, and what came of the grasps; drawn at random, but the same each time."""
-    from graspcast.estimates.outcomes import read_outcomes
+    """Return verdicts with outcomes, in an order drawn at random from a seed."""
+    from graspcast.estimates.outcomes import TRIAL_COLUMNS, read_outcomes
     from graspcast.evaluation.verdict_scores import with_outcomes
     from graspcast.forecasting.verdict import read_verdicts
 
     both = with_outcomes(read_verdicts(verdicts), read_outcomes(trials))
-    ordered = both.sort("scene_id", "im_id", "obj_id", "est_id", "gripper")
+    ordered = both.sort(*TRIAL_COLUMNS)
     return ordered.sample(fraction=1.0, shuffle=True, seed=_SEED)
 
 

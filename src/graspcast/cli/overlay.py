@@ -48,7 +48,7 @@ def add(verbs: Verbs) -> None:
         "--verdicts",
         metavar="FILE",
         type=Path,
-        help="what predict wrote on the first of the estimators, to be told below its pictures",
+        help="what predict wrote; shown below the pictures of the principal's estimates",
     )
     verb.add_argument(
         "--size", metavar="PIXELS", type=field_size, default=320, help="of a field (default: 320)"

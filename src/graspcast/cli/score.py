@@ -1,4 +1,4 @@
-"""The verb ``score``: verdicts against what came of the grasps."""
+"""The verb ``score``: verdicts against the outcomes of the grasps."""
 
 from __future__ import annotations
 
@@ -18,19 +18,15 @@ def add(verbs: Verbs) -> None:
         "score",
         _score,
         "how often grasps succeed if the verdicts are followed",
-        "Hold verdicts against outcomes: the success rate when always attempting, the one when\n"
+        "Score verdicts by outcomes: the success rate when always attempting, the one when\n"
         "following the verdicts, and how many are attempted then; with 95 % intervals by drawing\n"
-        "scenes. The outcomes should be of scenes that training has not seen, and of the same\n"
-        "estimator and dataset as the verdicts, whose file names neither.",
+        "scenes. The outcomes should be of scenes that training has not seen. Verdicts and\n"
+        "outcomes are joined by dataset, image, object, est_id, principal, gripper and grasp.",
     )
     verb.add_argument(
         "--verdicts", metavar="FILE", type=Path, required=True, help="what predict has written"
     )
     add_outcomes(verb, required=True)
-    verb.add_argument(
-        "--principal", metavar="NAME", help="whose outcomes, if they are of several estimators"
-    )
-    verb.add_argument("--dataset", metavar="NAME", help="which dataset's, if they are of several")
     add_json(verb)
 
 
@@ -42,8 +38,6 @@ def _score(options: argparse.Namespace) -> None:
     found = score_verdicts(
         read_verdicts(options.verdicts),
         read_all_outcomes(options.outcomes),
-        principal=options.principal,
-        dataset=options.dataset,
     )
     if found.untried:
         note(f"{found.untried} verdicts have no outcome, and do not count")

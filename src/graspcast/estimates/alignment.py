@@ -1,10 +1,11 @@
-"""K estimators' poses of the same instances, side by side.
+"""Alignment of K estimators' poses: the same instances, side by side.
 
-**Which detection is which instance.** One estimator is the anchor (the principal, where there is
-one). Its detections of an object in an image, by decreasing score, are instances 0, 1, … of that
-object. Every other estimator's detections of that object are assigned to them one to one, with the
-smallest total distance between the objects' positions. An instance that some estimator lacks is
-dropped and counted. No ground truth is consulted, so the same rule serves at run time.
+**Which estimate is of which instance.** One estimator is the anchor (the principal, where there is
+one). Its estimates of an object in an image, by decreasing score, are the instances of that object:
+their ``est_id`` is 0, 1, … Every other estimator's estimates of that object are assigned to them
+one to one, with the smallest total distance between positions (the Hungarian method). An instance
+for which some estimator has no estimate is incomplete: it is set aside and counted. No ground truth
+is used, so the same rule serves in training and at run time.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.bop.results import Results
+from graspcast.bop.results import Results, score_order
 from graspcast.errors import InputError, MismatchError, UnknownNameError
+from graspcast.estimates.instances import InstanceKey, Instances
 
 __all__ = [
     "Estimates",
@@ -25,27 +27,32 @@ __all__ = [
     "align",
     "assign",
     "concatenate",
-    "instance_numbers",
+    "estimate_ids",
     "partners",
     "rows_in_image",
 ]
 
-_COLUMNS = ("dataset", "scene_id", "im_id", "obj_id", "est_id")
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class IncompleteInstance:
-    """An instance of the anchor's that some other estimator lacks."""
+    """An instance of the anchor's for which some other estimator has no estimate.
 
-    dataset: str
-    scene_id: int
-    im_id: int
-    obj_id: int
-    est_id: int
-    lacking: tuple[str, ...]
+    Attributes
+    ----------
+    key
+        Its key.
+    missing
+        The estimators without an estimate.
+    cam_T_obj
+        The anchor's pose, metres, (4, 4).
+    """
+
+    key: InstanceKey
+    missing: tuple[str, ...]
+    cam_T_obj: Float[ndarray, "4 4"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Estimates:
     """Poses of n instances by K estimators.
 
@@ -53,33 +60,60 @@ class Estimates:
     ----------
     estimators
         Names, in the order of ``cam_T_obj``'s first axis.
-    dataset
-        The dataset's name for each instance, (n,).
-    scene_id, im_id, obj_id, est_id
-        BOP numbers, (n,).
+    instances
+        The keys of the instances.
     cam_T_obj
         Poses in metres, (K, n, 4, 4).
     lacking
-        For each estimator, how many instances it lacks that another one has.
-    partial
-        The anchor's instances that were dropped, and who lacks them.
+        For each estimator, the number of instances that it lacks and another one has.
+    incomplete
+        The anchor's instances that were set aside, and the estimators that lack them.
     """
 
     estimators: tuple[str, ...]
-    dataset: ndarray
-    scene_id: Int[ndarray, "n"]
-    im_id: Int[ndarray, "n"]
-    obj_id: Int[ndarray, "n"]
-    est_id: Int[ndarray, "n"]
+    instances: Instances
     cam_T_obj: Float[ndarray, "k n 4 4"]
     lacking: Mapping[str, int] = field(default_factory=dict)
-    partial: tuple[IncompleteInstance, ...] = ()
+    incomplete: tuple[IncompleteInstance, ...] = ()
 
     def __len__(self) -> int:
-        return len(self.obj_id)
+        return len(self.instances)
+
+    def __repr__(self) -> str:
+        return f"Estimates({', '.join(self.estimators)}; {self.instances!r})"
+
+    @property
+    def objects(self) -> ndarray:
+        """The name of each instance's object, ``dataset-obj_id``, (n,)."""
+        return self.instances.objects
+
+    @property
+    def dataset(self) -> ndarray:
+        """``dataset`` of each instance, (n,)."""
+        return self.instances.dataset
+
+    @property
+    def scene_id(self) -> ndarray:
+        """``scene_id`` of each instance, (n,)."""
+        return self.instances.scene_id
+
+    @property
+    def im_id(self) -> ndarray:
+        """``im_id`` of each instance, (n,)."""
+        return self.instances.im_id
+
+    @property
+    def obj_id(self) -> ndarray:
+        """``obj_id`` of each instance, (n,)."""
+        return self.instances.obj_id
+
+    @property
+    def est_id(self) -> ndarray:
+        """``est_id`` of each instance, (n,)."""
+        return self.instances.est_id
 
     def index(self, estimator: str) -> int:
-        """The number of an estimator.
+        """Return the number of an estimator.
 
         Raises
         ------
@@ -91,16 +125,16 @@ class Estimates:
         return self.estimators.index(estimator)
 
     def of(self, estimator: str) -> Float[ndarray, "n 4 4"]:
-        """The poses by one estimator."""
+        """Return the poses by one estimator."""
         return self.cam_T_obj[self.index(estimator)]
 
     def supporters(self, principal: str) -> tuple[str, ...]:
-        """The other estimators, in order."""
+        """Return the other estimators, in order."""
         self.index(principal)
         return tuple(name for name in self.estimators if name != principal)
 
     def only(self, *estimators: str) -> Estimates:
-        """The poses by these estimators, in this order.
+        """Return the poses by these estimators, in this order.
 
         Raises
         ------
@@ -112,28 +146,18 @@ class Estimates:
         which = [self.index(name) for name in estimators]
         return replace(self, estimators=estimators, cam_T_obj=self.cam_T_obj[which])
 
-    @property
-    def objects(self) -> ndarray:
-        """``dataset-number`` of each instance's object, (n,)."""
-        names = [f"{d}-{o}" for d, o in zip(self.dataset, self.obj_id, strict=True)]
-        return np.array(names, dtype=str)
-
-    def instances(self) -> list[tuple[str, int, int, int, int]]:
-        """Dataset, scene, image, object and instance number of each instance."""
-        return list(zip(*(getattr(self, name).tolist() for name in _COLUMNS), strict=True))
-
     def select(self, which: Bool[ndarray, "n"] | Int[ndarray, "m"]) -> Estimates:
-        """Some of the instances, by mask or by number."""
-        rows = {name: getattr(self, name)[which] for name in _COLUMNS}
-        return replace(self, **rows, cam_T_obj=self.cam_T_obj[:, which])
+        """Return some of the instances, by mask or by number."""
+        chosen = self.instances.select(which)
+        return replace(self, instances=chosen, cam_T_obj=self.cam_T_obj[:, which])
 
 
-def instance_numbers(results: Results) -> Int[ndarray, "n"]:
-    """Each row's rank, by decreasing score, among its object's detections in its image."""
+def estimate_ids(results: Results) -> Int[ndarray, "n"]:
+    """Return each row's ``est_id``: its rank among the rows of its object in its image."""
     keys = np.stack([results.scene_id, results.im_id, results.obj_id])
     _, group = np.unique(keys, axis=1, return_inverse=True)
-    # Stable, so equal scores stay in the file's order.
-    order = np.lexsort((-results.score, group))
+    order = score_order(results)
+    order = order[np.argsort(group[order], kind="stable")]
     first = np.searchsorted(group[order], group[order], side="left")
     out = np.empty(len(results), dtype=np.int64)
     out[order] = np.arange(len(results)) - first
@@ -141,7 +165,7 @@ def instance_numbers(results: Results) -> Int[ndarray, "n"]:
 
 
 def rows_in_image(results: Results, scene_id: int, im_id: int, what: str) -> Int[ndarray, "m"]:
-    """An image's rows by instance number, so that of one object's results row N is instance N.
+    """Return an image's rows by decreasing score: of one object, row N is the one of ``est_id`` N.
 
     Parameters
     ----------
@@ -157,17 +181,18 @@ def rows_in_image(results: Results, scene_id: int, im_id: int, what: str) -> Int
     InputError
         If there are none, listing images that have some.
     """
-    rows = np.flatnonzero((results.scene_id == scene_id) & (results.im_id == im_id))
+    order = score_order(results)
+    rows = order[(results.scene_id[order] == scene_id) & (results.im_id[order] == im_id)]
     if not len(rows):
         where = zip(results.scene_id.tolist(), results.im_id.tolist(), strict=True)
         others = [f"{scene}/{image}" for scene, image in sorted(set(where))]
         known = ", ".join([*others[:5], *(["…"] if len(others) > 5 else [])]) or "no image"
         raise InputError(
             f"{results.source}: no estimate of {what} in image {scene_id}/{im_id}; it has one in "
-            f"{known}"
+            f"{known}",
+            parameters=("image",),
         )
-    # Stable, so that equal scores stay in the file's order.
-    return rows[np.argsort(-results.score[rows], kind="stable")]
+    return rows
 
 
 def assign(
@@ -186,7 +211,7 @@ def assign(
 
 
 def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = None) -> Estimates:
-    """Put K >= 2 estimators' results of one dataset side by side.
+    """Align K >= 2 estimators' results of one dataset.
 
     Parameters
     ----------
@@ -195,7 +220,7 @@ def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = 
     dataset
         The dataset's name.
     anchor
-        The estimator whose detections number the instances; by default the first.
+        The estimator whose estimates are the instances; by default the first.
 
     Raises
     ------
@@ -209,55 +234,54 @@ def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = 
     names = tuple(results)
     if len(names) < 2:
         raise InputError(
-            f"a consensus takes two estimators or more, but there is {len(names)}: "
-            "give --estimates NAME=FILE once for each"
+            f"a consensus takes at least two estimators, but there is {len(names)}: give the "
+            "results of another one too",
+            parameters=("estimates",),
         )
     anchor = anchor or names[0]
     if anchor not in names:
         raise UnknownNameError("estimator", anchor, names)
     first = names.index(anchor)
-    stacked = [np.stack([t.scene_id, t.im_id, t.obj_id], axis=1) for t in results.values()]
+    tables = list(results.values())
+    stacked = [np.stack([t.scene_id, t.im_id, t.obj_id], axis=1) for t in tables]
     keys, inverse = np.unique(np.concatenate(stacked), axis=0, return_inverse=True)
-    groups = np.split(inverse, np.cumsum([len(t) for t in results.values()])[:-1])
+    groups = np.split(inverse, np.cumsum([len(t) for t in tables])[:-1])
     counts = np.stack([np.bincount(g, minlength=len(keys)) for g in groups])
     missing = (counts.max(axis=0) - counts).sum(axis=1)
-    kept: list[tuple[int, int, list[int]]] = []  # key, instance, one row for each estimator
-    partial: list[IncompleteInstance] = []
-    rows_of = [_rows_by_group(t, g) for t, g in zip(results.values(), groups, strict=True)]
-    for key in np.flatnonzero(counts[first]).tolist():
-        rows = [by_key.get(key, []) for by_key in rows_of]
-        for i, found in enumerate(partners(rows, first, list(results.values()))):
+    kept: list[tuple[InstanceKey, list[int]]] = []  # one row for each estimator
+    incomplete: list[IncompleteInstance] = []
+    rows_of = [_rows_by_group(t, g) for t, g in zip(tables, groups, strict=True)]
+    for group in np.flatnonzero(counts[first]).tolist():
+        rows = [by_group.get(group, []) for by_group in rows_of]
+        for est_id, found in enumerate(partners(rows, first, tables)):
+            scene_id, im_id, obj_id = keys[group].tolist()
+            key = InstanceKey(dataset, scene_id, im_id, obj_id, est_id)
             if None in found:
                 without = tuple(n for n, r in zip(names, found, strict=True) if r is None)
-                scene, image, obj_id = keys[key].tolist()
-                partial.append(IncompleteInstance(dataset, scene, image, obj_id, i, without))
+                pose = tables[first].cam_T_obj[found[first]]
+                incomplete.append(IncompleteInstance(key, without, pose))
             else:
-                kept.append((key, i, [r for r in found if r is not None]))
+                kept.append((key, [r for r in found if r is not None]))
     if not kept:
         sizes = ", ".join(f"{name}: {len(table)} rows" for name, table in results.items())
         raise MismatchError(
             f"no instance of {dataset} has a pose by every estimator ({sizes}); are these files "
             "of the same dataset and split?"
         )
-    keys = keys[[key for key, _, _ in kept]]
-    picked = np.array([rows for _, _, rows in kept], dtype=np.int64).T
+    picked = np.array([rows for _, rows in kept], dtype=np.int64).T
     return Estimates(
         estimators=names,
-        dataset=np.full(len(kept), dataset),
-        scene_id=keys[:, 0],
-        im_id=keys[:, 1],
-        obj_id=keys[:, 2],
-        est_id=np.array([i for _, i, _ in kept], dtype=np.int64),
-        cam_T_obj=np.stack([results[n].cam_T_obj[p] for n, p in zip(names, picked, strict=True)]),
+        instances=Instances.of([key for key, _ in kept]),
+        cam_T_obj=np.stack([t.cam_T_obj[p] for t, p in zip(tables, picked, strict=True)]),
         lacking=dict(zip(names, missing.tolist(), strict=True)),
-        partial=tuple(partial),
+        incomplete=tuple(incomplete),
     )
 
 
 def _rows_by_group(results: Results, group: ndarray) -> dict[int, list[int]]:
-    """The rows of each group, by decreasing score; ties in the file's order."""
+    """Return the rows of each group, by decreasing score."""
     out: dict[int, list[int]] = {}
-    order = np.argsort(-results.score, kind="stable")
+    order = score_order(results)
     for row, key in zip(order.tolist(), group[order].tolist(), strict=True):
         out.setdefault(key, []).append(row)
     return out
@@ -266,14 +290,14 @@ def _rows_by_group(results: Results, group: ndarray) -> dict[int, list[int]]:
 def partners(
     rows: list[list[int]], anchor: int, results: list[Results]
 ) -> Iterator[list[int | None]]:
-    """For each of the anchor's rows the one of every estimator, or None.
+    """Yield, for each of the anchor's rows, the row of every estimator, or None.
 
     Parameters
     ----------
     rows
         For each estimator, its rows of one object in one image, by decreasing score.
     anchor
-        The number of the estimator whose detections number the instances.
+        The number of the estimator whose estimates are the instances.
     results
         Each estimator's results.
     """
@@ -291,7 +315,7 @@ def partners(
 
 
 def concatenate(parts: Iterable[Estimates]) -> Estimates:
-    """Estimates of several datasets, one after the other.
+    """Return the estimates of several datasets, one after the other.
 
     Raises
     ------
@@ -303,13 +327,14 @@ def concatenate(parts: Iterable[Estimates]) -> Estimates:
     for part in parts[1:]:
         if part.estimators != names:
             raise MismatchError(
-                f"{parts[0].dataset[0]} has estimates by {', '.join(names)}, but "
-                f"{part.dataset[0]} by {', '.join(part.estimators)}; each needs the same ones"
+                f"{parts[0].instances.dataset[0]} has estimates by {', '.join(names)}, but "
+                f"{part.instances.dataset[0]} by {', '.join(part.estimators)}; each needs the same "
+                "ones"
             )
     return Estimates(
         estimators=names,
-        **{name: np.concatenate([getattr(p, name) for p in parts]) for name in _COLUMNS},
+        instances=Instances.concatenate([part.instances for part in parts]),
         cam_T_obj=np.concatenate([p.cam_T_obj for p in parts], axis=1),
         lacking={name: sum(p.lacking.get(name, 0) for p in parts) for name in names},
-        partial=tuple(instance for p in parts for instance in p.partial),
+        incomplete=tuple(instance for p in parts for instance in p.incomplete),
     )

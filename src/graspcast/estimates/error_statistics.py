@@ -18,7 +18,8 @@ __all__ = ["MEASURED", "correlations", "tails"]
 MEASURED = ("rotation_deg", "translation_mm", "ray_share")
 """The errors that a shape is of; cheap beside those over all vertices."""
 
-_KEYS = ("scene_id", "im_id", "obj_id", "est_id")
+# The true instance: est_id is each estimator's own.
+_KEYS = ("scene_id", "im_id", "obj_id", "gt_id")
 _QUANTILES = (0.5, 0.75, 0.95)
 _LARGE_DEG, _FLIPPED_DEG, _LARGE_MM = 30.0, 90.0, 50.0
 

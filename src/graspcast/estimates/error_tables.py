@@ -11,7 +11,7 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
-from graspcast.estimates.alignment import instance_numbers
+from graspcast.estimates.alignment import estimate_ids
 from graspcast.estimates.matching import match
 from graspcast.pose import metrics
 
@@ -51,7 +51,7 @@ def measure(
 
     Returns
     -------
-        ``scene_id, im_id, obj_id, est_id`` and a column for each measure.
+        ``scene_id, im_id, obj_id, est_id, gt_id`` and a column for each measure.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def measure(
     """
     truth = dataset.ground_truth
     matched = match(results, truth)
-    est_id = instance_numbers(results)
+    est_id = estimate_ids(results)
     parts = []
     present = np.unique(results.obj_id).tolist()
     for i, obj_id in enumerate(present):
@@ -77,6 +77,7 @@ def measure(
             "im_id": results.im_id[rows],
             "obj_id": results.obj_id[rows],
             "est_id": est_id[rows],
+            "gt_id": truth.gt_id[matched[rows]],
         }
         pair = (results.cam_T_obj[rows], truth.cam_T_obj[matched[rows]])
         images = zip(keys["scene_id"].tolist(), keys["im_id"].tolist(), strict=True)

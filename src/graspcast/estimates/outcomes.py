@@ -1,8 +1,9 @@
-"""Outcomes of grasp trials as a table: which estimate, which gripper, held or not.
+"""Outcomes of grasp trials as a table: which estimate guided which grasp, and whether it held.
 
-Columns: ``estimator, dataset, scene_id, im_id, obj_id, gripper, success`` and, where an image shows
-several instances of an object, ``est_id`` (0 where it is absent): the rank by score of the
-detection among those of its object in its image.
+Columns: ``estimator, dataset, scene_id, im_id, obj_id, est_id, gripper, grasp, success``.
+``est_id`` (:mod:`graspcast.estimates.instances`) may be left out where no image shows an object
+twice, and ``grasp`` where there is one grasp for each object and gripper. Files of former versions
+call ``est_id`` ``inst_id``; it is read as the same.
 """
 
 from __future__ import annotations
@@ -17,20 +18,38 @@ import polars as pl
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.errors import FormatError, InputError
+from graspcast.errors import FormatError, InputError, MismatchError
+from graspcast.estimates.instances import KEY_SCHEMA, Instances
 from graspcast.io.tables import read_csv, read_parquet
 from graspcast.pose.transforms import rotation_from_vector, rotation_vector, transform
 
 __all__ = [
     "ERROR_COLUMNS",
-    "KEYS",
+    "REFERENCE_GRASP",
+    "TRIAL_COLUMNS",
+    "TRIAL_SCHEMA",
     "error_numbers",
+    "join_outcomes",
     "read_all_outcomes",
     "read_error_outcomes",
     "read_outcomes",
+    "success_of_each",
 ]
 
-KEYS = ("estimator", "dataset", "scene_id", "im_id", "obj_id", "est_id", "gripper")
+TRIAL_SCHEMA: dict[str, Any] = {
+    "estimator": pl.String,
+    **KEY_SCHEMA,
+    "gripper": pl.String,
+    "grasp": pl.String,
+}
+"""The key of a trial, which estimate guided which grasp by which gripper, with types."""
+
+TRIAL_COLUMNS = tuple(TRIAL_SCHEMA)
+"""The names of its columns."""
+
+REFERENCE_GRASP = "reference"
+"""The name of the one reference grasp of an object and gripper."""
+
 ERROR_COLUMNS = (
     "error_x_m",
     "error_y_m",
@@ -39,17 +58,10 @@ ERROR_COLUMNS = (
     "error_ry_rad",
     "error_rz_rad",
 )
-"""Which error guided a trial: origin and rotation vector of ``inv(cam_T_true) @ cam_T_est``."""
+"""The error that guided a trial: origin and rotation vector of ``inv(cam_T_gt) @ cam_T_est``."""
 
-_COLUMNS: dict[str, Any] = {
-    "estimator": pl.String,
-    "dataset": pl.String,
-    "scene_id": pl.Int64,
-    "im_id": pl.Int64,
-    "obj_id": pl.Int64,
-    "gripper": pl.String,
-    "success": pl.Int64,
-}
+_OPTIONAL = ("est_id", "grasp")
+_IMAGE_OF_OBJECT = ["dataset", "scene_id", "im_id", "obj_id"]
 
 
 def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
@@ -57,7 +69,8 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
 
     Returns
     -------
-        The columns of :data:`KEYS` and ``success`` (0 or 1); further columns are left out.
+        The columns of :data:`TRIAL_COLUMNS` and ``success`` (0 or 1); further columns are left out.
+        ``est_id`` is null where the file does not state it.
 
     Raises
     ------
@@ -66,14 +79,17 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
     """
     path = Path(path)
     frame = _read(path)
-    missing = [name for name in _COLUMNS if name not in frame.columns]
+    if {"inst_id", "est_id"} <= set(frame.columns):
+        raise FormatError(path, "has both est_id and inst_id, its former name; leave one out")
+    frame = frame.rename({"inst_id": "est_id"}, strict=False)
+    kinds = {**TRIAL_SCHEMA, "success": pl.Int64}
+    missing = [name for name in kinds if name not in frame.columns and name not in _OPTIONAL]
     if missing:
         raise FormatError(
             path, f"no column {', '.join(map(repr, missing))}; found {', '.join(frame.columns)}"
         )
-    if "est_id" not in frame.columns:
-        frame = frame.with_columns(est_id=pl.lit(0, pl.Int64))
-    kinds = {**_COLUMNS, "est_id": pl.Int64}
+    states_est_id = "est_id" in frame.columns
+    frame = _with_optional(frame)
     for name, kind in kinds.items():
         column = frame[name]
         # A cast would cut the fraction off.
@@ -83,12 +99,13 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
                 path, f"{name} is {column[row]}, not a whole number", where=f"row {row + 1}"
             )
     try:
-        frame = frame.select(pl.col(name).cast(kinds[name]) for name in (*KEYS, "success"))
+        frame = frame.select(pl.col(name).cast(kind) for name, kind in kinds.items())
     except pl.exceptions.PolarsError as error:
         first = str(error).splitlines()[0]
         raise FormatError(path, f"a column does not hold what it should ({first})") from error
+    stated = pl.all() if states_est_id else pl.exclude("est_id")
     bad = frame.with_row_index("row").filter(
-        pl.any_horizontal(pl.all().is_null()) | ~pl.col("success").is_in([0, 1])
+        pl.any_horizontal(stated.is_null()) | ~pl.col("success").is_in([0, 1])
     )
     if len(bad):
         row = bad.row(0, named=True)
@@ -97,10 +114,13 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
             "an empty field, or a success that is neither 0 nor 1",
             where=f"row {row['row'] + 1}",
         )
-    twice = frame.filter(frame.select(KEYS).is_duplicated())
+    twice = frame.filter(frame.select(TRIAL_COLUMNS).is_duplicated())
     if len(twice):
-        values = ", ".join(f"{k} {v}" for k, v in twice.select(KEYS).row(0, named=True).items())
-        raise FormatError(path, f"{len(twice)} rows share their trial with another: {values}")
+        raise FormatError(
+            path,
+            f"{len(twice)} rows share their trial with another: {_described(twice)}"
+            + ("" if states_est_id else "; a column est_id tells several instances apart"),
+        )
     return frame
 
 
@@ -116,13 +136,90 @@ def read_all_outcomes(paths: Iterable[str | PathLike[str]]) -> pl.DataFrame:
     """
     paths = list(paths)
     table = pl.concat([read_outcomes(path) for path in paths])
-    if table.select(KEYS).is_duplicated().any():
-        raise InputError(f"{', '.join(map(str, paths))}: hold some trials twice")
+    twice = table.filter(table.select(TRIAL_COLUMNS).is_duplicated())
+    if len(twice):
+        raise InputError(
+            f"{', '.join(map(str, paths))}: hold some trials twice, for one {_described(twice)}"
+        )
     return table
 
 
+def join_outcomes(keys: pl.DataFrame, outcomes: pl.DataFrame) -> pl.DataFrame:
+    """Join a table with the outcomes of its trials, by the whole key of a trial.
+
+    Parameters
+    ----------
+    keys
+        A table that has :data:`TRIAL_COLUMNS` among its columns.
+    outcomes
+        As :func:`read_outcomes` returns them.
+
+    Returns
+    -------
+        The rows of ``keys``, in their order, with ``success``: 1, 0, or null without an outcome.
+
+    Raises
+    ------
+    MismatchError
+        If the outcomes do not state ``est_id`` and ``keys`` has several instances of an object in
+        one image, so that an outcome could be of any of them.
+    """
+    on = TRIAL_COLUMNS
+    tried = _with_optional(outcomes).select(*on, "success")
+    unstated = tried.filter(pl.col("est_id").is_null())
+    if len(unstated):
+        several = keys.filter(pl.col("est_id") > 0).join(
+            unstated, on=["estimator", *_IMAGE_OF_OBJECT, "gripper"], how="semi"
+        )
+        if len(several):
+            row = several.row(0, named=True)
+            raise MismatchError(
+                f"image {row['scene_id']}/{row['im_id']} has several instances of "
+                f"{row['dataset']}-{row['obj_id']}, but the outcomes have no column est_id: which "
+                "one was tried is not known; add the column, the rank of the estimate by score",
+                parameters=("outcomes",),
+            )
+        tried = tried.with_columns(pl.col("est_id").fill_null(0))
+    return keys.join(tried, on=on, how="left", validate="m:1", maintain_order="left")
+
+
+def success_of_each(
+    instances: Instances,
+    outcomes: pl.DataFrame,
+    estimator: str,
+    gripper: str,
+    *,
+    grasp: str = REFERENCE_GRASP,
+) -> Float[ndarray, "n"]:
+    """Return the outcome of the grasp of each instance that an estimator guided.
+
+    Parameters
+    ----------
+    instances
+        Those whose outcomes are wanted.
+    outcomes
+        As :func:`read_outcomes` returns them.
+    estimator, gripper, grasp
+        Who guided which grasp by which gripper.
+
+    Returns
+    -------
+        1 for success, 0 for failure, NaN where there is no outcome, (n,).
+
+    Raises
+    ------
+    MismatchError
+        As :func:`join_outcomes`.
+    """
+    trials = instances.frame().with_columns(
+        estimator=pl.lit(estimator), gripper=pl.lit(gripper), grasp=pl.lit(grasp)
+    )
+    found = join_outcomes(trials, outcomes)["success"]
+    return found.cast(pl.Float64).fill_null(float("nan")).to_numpy()
+
+
 def error_numbers(obj_T_est: Float[ndarray, "n 4 4"]) -> Float[ndarray, "n 6"]:
-    """What :data:`ERROR_COLUMNS` say of an error: metres, and radians."""
+    """Return the values of :data:`ERROR_COLUMNS` for some errors, metres and radians."""
     return np.concatenate([obj_T_est[:, :3, 3], rotation_vector(obj_T_est[:, :3, :3])], axis=1)
 
 
@@ -133,7 +230,7 @@ def read_error_outcomes(
 
     Returns
     -------
-        ``object`` (``dataset-number``), ``gripper``, ``success`` (bool); and ``obj_T_est``.
+        ``object`` (``dataset-obj_id``), ``gripper``, ``success`` (bool); and ``obj_T_est``.
 
     Raises
     ------
@@ -147,7 +244,7 @@ def read_error_outcomes(
     if missing:
         raise FormatError(
             path,
-            f"no column {', '.join(map(repr, missing))}; give a campaign of graspcast simulate",
+            f"no column {', '.join(map(repr, missing))}; give a campaign of simulated trials",
         )
     try:
         numbers = frame.select(pl.col(name).cast(pl.Float64) for name in ERROR_COLUMNS).to_numpy()
@@ -165,6 +262,18 @@ def read_error_outcomes(
     if bad.any():
         raise FormatError(path, "an empty field", where=f"row {int(np.argmax(bad)) + 1}")
     return table, transform(rotation_from_vector(numbers[:, 3:]), numbers[:, :3])
+
+
+def _with_optional(frame: pl.DataFrame) -> pl.DataFrame:
+    """Add the optional columns where they are missing: no stated est_id, the reference grasp."""
+    added = {"est_id": pl.lit(None, pl.Int64), "grasp": pl.lit(REFERENCE_GRASP)}
+    return frame.with_columns(**{k: v for k, v in added.items() if k not in frame.columns})
+
+
+def _described(trials: pl.DataFrame) -> str:
+    """Return the key of the first trial, for a message."""
+    row = trials.select(TRIAL_COLUMNS).row(0, named=True)
+    return ", ".join(f"{name} {value}" for name, value in row.items() if value is not None)
 
 
 def _read(path: Path) -> pl.DataFrame:

@@ -91,15 +91,15 @@ class Benchmark:
     @cached_property
     def scenes(self) -> ndarray:
         """The scene, or block of frames, of each instance, (n,)."""
-        return scene_groups(self.estimates)
+        return scene_groups(self.estimates.instances)
 
     @cached_property
     def _row(self) -> dict[tuple[object, ...], int]:
-        return {key: row for row, key in enumerate(self.estimates.instances())}
+        return {key: row for row, key in enumerate(self.estimates.instances.to_keys())}
 
     def rows_of(self, estimates: Estimates) -> Int[ndarray, " m"]:
         """The rows of some of its instances."""
-        return np.array([self._row[key] for key in estimates.instances()], dtype=np.int64)
+        return np.array([self._row[key] for key in estimates.instances.to_keys()], dtype=np.int64)
 
     def pairs(self, *, simulated: bool = False) -> list[tuple[str, str]]:
         """The principals and grippers that there are outcomes of, in the estimators' order."""
@@ -159,7 +159,7 @@ def _true_poses(estimates: Estimates, datasets: Mapping[str, BopDataset]) -> nda
     out = true_poses(estimates, estimates.estimators[0], datasets)
     lacking = np.flatnonzero(np.isnan(out[:, 0, 0]))
     if len(lacking):
-        dataset, scene, image, obj_id, _ = estimates.instances()[lacking[0]]
+        dataset, scene, image, obj_id, _ = estimates.instances.to_keys()[lacking[0]]
         raise MismatchError(
             f"{len(lacking)} instances have no ground truth, the first object {obj_id} in image "
             f"{image} of scene {scene} of {dataset}"

@@ -57,7 +57,7 @@ def cross_validated(
     # Blocks of frames are those of the lessons: cut among the samples alone, they would lie
     # elsewhere.
     if by == "scene":
-        every = scene_groups(learned.estimates)
+        every = scene_groups(learned.estimates.instances)
         parts = list(by_scene(samples, folds=folds, seed=seed, groups=every[tried]))
     else:
         every = learned.estimates.objects

@@ -353,7 +353,7 @@ class _Candidate:
                 probability=found[judged],
                 success=own[rows] == 1,
                 objects=estimates.objects[rows],
-                scenes=scene_groups(estimates)[rows],
+                scenes=scene_groups(estimates.instances)[rows],
             )
             for names, found in probability.items()
         }

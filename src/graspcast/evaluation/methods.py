@@ -194,12 +194,12 @@ class Blended(Forests):
 def training_data_of(task: Task, *, any_gripper: bool = False) -> TrainingData:
     """All that a task gives to learn from."""
     estimates = task.annotated
-    row = {key: i for i, key in enumerate(estimates.instances())}
+    row = {key: i for i, key in enumerate(estimates.instances.to_keys())}
     success = np.full((len(estimates.estimators), len(estimates)), np.nan)
     for samples in (task.train, *task.others):
         if samples.gripper != task.gripper and not any_gripper:
             continue
-        rows = [row[key] for key in samples.estimates.instances()]
+        rows = [row[key] for key in samples.estimates.instances.to_keys()]
         success[estimates.index(samples.principal), rows] = samples.success
     return TrainingData(
         estimates, task.principal, task.gripper, task.truth, success, simulated=task.transferred

@@ -1,4 +1,4 @@
-"""Verdicts against outcomes: what is gained by following them, and how many grasps it costs."""
+"""Verdicts against outcomes: success rates when always attempting and when following verdicts."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from graspcast.errors import InputError, UnknownNameError
+from graspcast.errors import MismatchError, UnknownNameError
+from graspcast.estimates.instances import Instances, unit_names
+from graspcast.estimates.outcomes import TRIAL_COLUMNS, join_outcomes
 from graspcast.evaluation.bootstrap import Interval, every_scene_and_draws
 from graspcast.forecasting.verdict import VerdictRow
 
 __all__ = ["VerdictScores", "score_verdicts", "verdict_table", "with_outcomes"]
 
-_KEYS = ("scene_id", "im_id", "obj_id", "est_id", "gripper")
-
 
 @dataclass(frozen=True)
 class VerdictScores:
-    """What came of the grasps that verdicts are about.
+    """Outcomes of the grasps that verdicts are about.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class VerdictScores:
     attempt_rate
         Share that is attempted.
     gain
-        By how much following is better than always, under the same draws of scenes.
+        ``following`` minus ``always``, under the same draws of scenes; None as above.
     """
 
     n: int
@@ -48,7 +48,7 @@ class VerdictScores:
     gain: Interval | None
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain numbers, for JSON; NaN becomes None."""
+        """Return plain numbers, for JSON; NaN becomes None."""
         out = asdict(self)
         for value in out.values():
             if isinstance(value, dict):
@@ -57,79 +57,71 @@ class VerdictScores:
 
 
 def verdict_table(rows: Sequence[VerdictRow]) -> pl.DataFrame:
-    """Verdicts as a table that outcomes can be joined to.
+    """Return verdicts as a table, in their order.
 
     Returns
     -------
-        ``scene_id, im_id, obj_id, est_id, gripper, attempt, probability`` (null where there is no
-        forecast); ``est_id`` counts the rows of the same image, object and gripper.
+        The key of each trial (:data:`~graspcast.estimates.outcomes.TRIAL_COLUMNS`; ``estimator`` is
+        the principal), ``attempt``, and ``probability`` (null where there is no forecast).
     """
-    table = pl.DataFrame(
-        [(r.scene_id, r.im_id, r.obj_id, r.gripper, r.verdict.attempt, r.verdict.probability)
-         for r in rows],
-        schema={
-            "scene_id": pl.Int64, "im_id": pl.Int64, "obj_id": pl.Int64, "gripper": pl.String,
-            "attempt": pl.Boolean, "probability": pl.Float64,
-        },
-        orient="row",
-    )  # fmt: skip
-    same = ("scene_id", "im_id", "obj_id", "gripper")
-    return table.with_columns(est_id=pl.int_range(pl.len()).over(same))
+    keys = Instances.of([row.key for row in rows]).frame()
+    return keys.with_columns(
+        estimator=pl.Series([row.principal for row in rows], dtype=pl.String),
+        gripper=pl.Series([row.gripper for row in rows], dtype=pl.String),
+        grasp=pl.Series([row.grasp for row in rows], dtype=pl.String),
+        attempt=pl.Series([row.verdict.attempt for row in rows], dtype=pl.Boolean),
+        probability=pl.Series([row.verdict.probability for row in rows], dtype=pl.Float64),
+    ).select(*TRIAL_COLUMNS, "attempt", "probability")
 
 
 def with_outcomes(verdicts: Sequence[VerdictRow], outcomes: pl.DataFrame) -> pl.DataFrame:
-    """:func:`verdict_table` of those that have an outcome, with ``success`` (0 or 1) beside."""
-    keys = list(_KEYS)
-    return verdict_table(verdicts).join(outcomes.select(*keys, "success"), on=keys, how="inner")
+    """Return :func:`verdict_table` of the verdicts with an outcome, and ``success`` (0 or 1).
+
+    Raises
+    ------
+    MismatchError
+        If it is not clear which of several instances an outcome is of.
+    """
+    return join_outcomes(verdict_table(verdicts), outcomes).drop_nulls("success")
 
 
 def score_verdicts(
-    verdicts: Sequence[VerdictRow],
-    outcomes: pl.DataFrame,
-    *,
-    principal: str | None = None,
-    dataset: str | None = None,
-    draws: int = 2000,
-    seed: int = 0,
+    verdicts: Sequence[VerdictRow], outcomes: pl.DataFrame, *, draws: int = 2000, seed: int = 0
 ) -> VerdictScores:
-    """Hold verdicts against outcomes.
+    """Score verdicts by the outcomes of the grasps they are about.
 
-    Intervals are percentiles under draws of scenes with replacement
+    Verdicts and outcomes are joined by the whole key of a trial, so the order of rows does not
+    matter. Intervals are bootstrap percentiles under draws of whole scenes
     (:mod:`graspcast.evaluation.bootstrap`), since grasps of one scene are not independent.
 
     Parameters
     ----------
     verdicts
-        In the order of :func:`graspcast.forecasting.verdict.verdict_rows`.
+        Of any principals, datasets and grippers.
     outcomes
-        As :func:`graspcast.estimates.outcomes.read_outcomes` gives them.
-    principal
-        Whose outcomes; may be left out where they are of one estimator.
-    dataset
-        Which dataset's; may be left out where they are of one.
+        As :func:`graspcast.estimates.outcomes.read_outcomes` returns them; outcomes of other grasps
+        are left out.
     draws, seed
         Of the bootstrap.
 
     Raises
     ------
     UnknownNameError
-        For an estimator, dataset or gripper without outcomes.
-    InputError
-        If outcomes are of several and it is not said which, or none is about a verdict.
+        For a principal, dataset or gripper without outcomes.
+    MismatchError
+        If no outcome is about any of the verdicts, or an outcome could be of several instances.
     """
-    for column, option, name in (
-        ("estimator", "--principal", principal),
-        ("dataset", "--dataset", dataset),
-    ):
-        outcomes = _only(outcomes, column, option, name)
-    known = outcomes["gripper"].unique().sort().to_list()
-    for gripper in sorted({row.gripper for row in verdicts}):
-        if gripper not in known:
-            raise UnknownNameError("gripper", gripper, known, hint="These have outcomes")
+    table = verdict_table(verdicts)
+    for column in ("estimator", "dataset", "gripper", "grasp"):
+        known = outcomes[column].unique().sort().to_list()
+        for name in table[column].unique().sort():
+            if name not in known:
+                raise UnknownNameError(column, name, known, hint="These have outcomes")
     both = with_outcomes(verdicts, outcomes)
     if not len(both):
-        raise InputError("no outcome is about any of the verdicts: are they of the same images?")
-    scene, numbers = np.unique(both["scene_id"].to_numpy().astype(str), return_inverse=True)
+        raise MismatchError("no outcome is about any of the verdicts: are they of the same images?")
+    scenes = unit_names(Instances.from_frame(both), "scene")
+    scene, numbers = np.unique(scenes, return_inverse=True)
     attempt = both["attempt"].to_numpy().astype(np.float64)
     success = both["success"].to_numpy().astype(np.float64)
     counts = every_scene_and_draws(scene.tolist(), draws, seed)
@@ -151,12 +143,3 @@ def score_verdicts(
         attempt_rate=Interval.of(rate),
         gain=Interval.of(following - always) if any_tried else None,
     )
-
-
-def _only(outcomes: pl.DataFrame, column: str, option: str, name: str | None) -> pl.DataFrame:
-    known = outcomes[column].unique().sort().to_list()
-    if name is None and len(known) > 1:
-        raise InputError(f"the outcomes are of several: {', '.join(known)}; say which, by {option}")
-    if name is not None and name not in known:
-        raise UnknownNameError(column, name, known, hint="These have outcomes")
-    return outcomes if name is None else outcomes.filter(pl.col(column) == name)

@@ -1,12 +1,14 @@
-"""Models that stand in for one another where a supporter is missing at run time.
+"""Several forecasters of one principal: where a supporter is missing, one trained without it.
 
-Each was trained for its own set of supporters, so a missing one is never guessed: the instance goes
-to the model with the most supporters of which none is missing, and the verdict says which.
+Each was trained for its own set of supporters, so a missing estimate is never guessed: an instance
+is forecast by the model with the most supporters, all of which have an estimate of it, and the
+verdict says which model that was.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,10 +17,13 @@ from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
+from graspcast.estimates.instances import InstanceKey
+from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.forecaster import Forecaster
-from graspcast.forecasting.verdict import Verdict
+from graspcast.forecasting.verdict import OOD_ALPHA, Verdict, VerdictRow, verdict_rows
+from graspcast.guarantees.certificate import Certificate
 
-__all__ = ["Fallbacks"]
+__all__ = ["Fallbacks", "certificate_of"]
 
 
 class Fallbacks:
@@ -53,7 +58,7 @@ class Fallbacks:
         return iter(self.forecasters)
 
     def usable(self, estimators: Collection[str]) -> list[Forecaster]:
-        """Those that need no other estimators than these, in order.
+        """Return the forecasters that need no other estimators than these, in order.
 
         Raises
         ------
@@ -71,9 +76,73 @@ class Fallbacks:
             raise MismatchError(
                 f"there are no estimates by {'; nor by '.join(lacks)} supporters; given: "
                 f"{', '.join(estimators) or 'none'}. Train a model without what is missing, and "
-                "give it as a further --model"
+                "give it as a further model",
+                parameters=("model",),
             )
         return out
+
+    def verdict_rows(
+        self,
+        inputs: Inputs,
+        *,
+        threshold: float = 0.5,
+        certificates: Sequence[Certificate] = (),
+        ood_alpha: float = OOD_ALPHA,
+        explain: bool = False,
+    ) -> list[VerdictRow]:
+        """Return a verdict on every instance of the principal's, ordered by key.
+
+        Parameters
+        ----------
+        inputs
+            Estimates of any datasets; its notes get what is left out.
+        threshold
+            Attempt at this probability or above it.
+        certificates
+            Certified thresholds instead, one for each model.
+        ood_alpha
+            Abstain where the p-value of a disagreement is this or less.
+        explain
+            Whether each reason says which features moved the probability most.
+
+        Raises
+        ------
+        MismatchError
+            If no model can be used, no instance has a pose by all estimators of one, or a
+            certificate is missing or belongs to another model.
+        """
+        usable = self.usable(inputs.estimators)
+        rows: dict[InstanceKey, VerdictRow] = {}
+        for forecaster in usable:
+            card = forecaster.card
+            try:
+                estimates = inputs.estimates(card.principal, only=card.estimators)
+            except MismatchError as error:  # no instance has all of these
+                if forecaster is usable[-1] and not rows:
+                    raise
+                inputs.notes.append(str(error))
+                continue
+            least: float | None = threshold
+            guarantee = None
+            if certificates:
+                overall = certificate_of(forecaster, certificates, ood_alpha).overall
+                least, guarantee = overall.threshold, str(overall)
+            verdicts = forecaster.verdicts(
+                estimates,
+                inputs.models,
+                threshold=least,
+                guarantee=guarantee,
+                ood_alpha=ood_alpha,
+                explain=explain,
+            )
+            if len(usable) > 1:
+                by = f"; with {', '.join(card.supporters)}"
+                verdicts = [replace(given, reason=given.reason + by) for given in verdicts]
+            who = {"principal": card.principal, "gripper": card.gripper}
+            for row in verdict_rows(estimates, verdicts, **who):
+                if row.key not in rows or rows[row.key].verdict.probability is None:
+                    rows[row.key] = row
+        return [rows[key] for key in sorted(rows)]
 
     def predict(
         self,
@@ -83,9 +152,9 @@ class Fallbacks:
         models: Mapping[str, Models] | None = None,
         **options: Any,
     ) -> Verdict:
-        """As :meth:`graspcast.Forecaster.predict`, by the first model that lacks no pose.
+        """Return the verdict on one instance by the first model that lacks no pose.
 
-        A pose that is not finite counts as missing.
+        As :meth:`graspcast.Forecaster.predict`; a pose that is not finite counts as missing.
 
         Raises
         ------
@@ -95,3 +164,33 @@ class Fallbacks:
         found = {name: pose for name, pose in poses.items() if np.isfinite(pose).all()}
         forecaster = self.usable(found)[0]
         return forecaster.predict(found, object_name, models=models, **options)
+
+
+def certificate_of(
+    forecaster: Forecaster, certificates: Sequence[Certificate], ood_alpha: float
+) -> Certificate:
+    """Return the certificate that was made for a forecaster.
+
+    Raises
+    ------
+    MismatchError
+        If there is none, or it was made with another ``ood_alpha``: what is attempted would not be
+        what was certified.
+    """
+    card = forecaster.card
+    for certificate in certificates:
+        if certificate.provenance.get("model") != card.digest:
+            continue
+        certified = certificate.provenance.get("ood_alpha", ood_alpha)
+        if certified != ood_alpha:
+            raise MismatchError(
+                f"the certificate was made with ood_alpha {certified:g}, not {ood_alpha:g}: what "
+                "is attempted would not be what was certified",
+                parameters=("ood_alpha",),
+            )
+        return certificate
+    raise MismatchError(
+        f"no certificate was made for the model with {', '.join(card.supporters)}: certify it, and "
+        "give its certificate too",
+        parameters=("certificate",),
+    )

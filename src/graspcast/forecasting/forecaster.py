@@ -17,6 +17,7 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import FormatError, InputError, MismatchError
 from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.instances import InstanceKey, Instances, split_object_name
 from graspcast.forecasting.attribution import attributions
 from graspcast.forecasting.features import (
     Features,
@@ -209,18 +210,13 @@ class Forecaster:
         check_threshold(threshold)
         self._check_estimators(poses)
         self._object_numbers(np.array([object_name]))
-        dataset, _, number = object_name.rpartition("-")
+        dataset, obj_id = split_object_name(object_name)
         for name, pose in poses.items():
             if np.shape(pose) != (4, 4) or not np.isfinite(pose).all():
                 raise InputError(f"the pose by {name} is not a 4x4 matrix of finite numbers")
-        one = np.zeros(1, dtype=np.int64)
         estimates = Estimates(
             estimators=tuple(poses),
-            dataset=np.array([dataset]),
-            scene_id=one,
-            im_id=one,
-            obj_id=one + int(number),
-            est_id=one,
+            instances=Instances.of([InstanceKey(dataset, 0, 0, obj_id, 0)]),
             cam_T_obj=np.stack([np.asarray(p, np.float64)[None] for p in poses.values()]),
         )
         (verdict,) = self.verdicts(

@@ -46,7 +46,7 @@ class Novelty:
     def fit(cls, estimates: Estimates, principal: str, *, folds: int = 4) -> Novelty:
         """Learn from the training instances; their scenes are dealt into ``folds`` in turn."""
         rows = disagreement(estimates, principal, estimates.supporters(principal))
-        names, group = np.unique(scene_groups(estimates), return_inverse=True)
+        names, group = np.unique(scene_groups(estimates.instances), return_inverse=True)
         part = group % min(folds, len(names))
         scores = np.empty(len(rows))
         for fold in range(part.max() + 1):

@@ -10,13 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
 from numpy import ndarray
 
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.outcomes import success_of_each
 
-__all__ = ["Samples", "join", "outcomes_of"]
+__all__ = ["Samples", "join"]
 
 
 @dataclass(frozen=True)
@@ -69,22 +70,6 @@ def _keys(estimates: Estimates) -> pl.DataFrame:
     )
 
 
-def outcomes_of(
-    estimates: Estimates, outcomes: pl.DataFrame, guide: str, gripper: str
-) -> Float[ndarray, "n"]:
-    """What came of the grasp of each instance that an estimator guided: 1, 0, or NaN if untried."""
-    keys = _keys(estimates)
-    tried = outcomes.filter(pl.col("estimator") == guide, pl.col("gripper") == gripper)
-    found = keys.join(
-        tried.select(*keys.columns, "success"),
-        on=keys.columns,
-        how="left",
-        validate="m:1",
-        maintain_order="left",
-    )
-    return found["success"].cast(pl.Float64).fill_null(float("nan")).to_numpy()
-
-
 def join(estimates: Estimates, outcomes: pl.DataFrame, principal: str, gripper: str) -> Samples:
     """Give each instance the outcome of the trial that its principal guided.
 
@@ -99,7 +84,7 @@ def join(estimates: Estimates, outcomes: pl.DataFrame, principal: str, gripper: 
     grippers = outcomes["gripper"].unique().sort().to_list()
     if gripper not in grippers:
         raise UnknownNameError("gripper", gripper, grippers, hint="These have outcomes")
-    success = outcomes_of(estimates, outcomes, principal, gripper)
+    success = success_of_each(estimates.instances, outcomes, principal, gripper)
     has = ~np.isnan(success)
     if not has.any():
         known = outcomes.select("estimator", "dataset").unique().sort("estimator", "dataset")

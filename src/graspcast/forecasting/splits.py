@@ -50,7 +50,7 @@ def by_scene(
     """
     from sklearn.model_selection import StratifiedGroupKFold
 
-    groups = scene_groups(samples.estimates) if groups is None else groups
+    groups = scene_groups(samples.estimates.instances) if groups is None else groups
     if (count := len(np.unique(groups))) < folds:
         raise MismatchError(f"{count} scenes cannot make {folds} folds; ask for fewer folds")
     splitter = StratifiedGroupKFold(n_splits=folds, shuffle=True, random_state=seed)

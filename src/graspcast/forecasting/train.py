@@ -125,7 +125,7 @@ def train_forecaster(
             "numpy": np.__version__,
         },
         simulated=tuple(sorted(simulated - with_outcomes)) if in_forests else (),
-        scenes=tuple(sorted(set(unit_names(estimates, "scene").tolist()))),
+        scenes=tuple(sorted(set(unit_names(estimates.instances, "scene").tolist()))),
     )
     values = features_of(estimates, card.principal, card.features, models).values
     predictor: Blend | Thresholds | NetworkEnsemble

@@ -13,8 +13,8 @@ from numpy import ndarray
 
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
-from graspcast.estimates.outcomes import read_error_outcomes
-from graspcast.forecasting.samples import Samples, outcomes_of
+from graspcast.estimates.outcomes import read_error_outcomes, success_of_each
+from graspcast.forecasting.samples import Samples
 
 __all__ = ["SimulatedTrials", "TrainingData", "as_training_data", "training_data"]
 
@@ -194,10 +194,10 @@ def training_data(
         # Detections of several instances are numbered by the principal's scores; the same number
         # may mean another instance in the outcomes of another estimator.
         image = ["dataset", "scene_id", "im_id", "obj_id"]
-        alone = outcomes.filter(pl.col("est_id").max().over(image) == 0)
+        alone = outcomes.filter(pl.col("est_id").fill_null(0).max().over(image) == 0)
         for k, name in enumerate(estimates.estimators):
             table = outcomes if name == principal else alone
-            success[k] = outcomes_of(estimates, table, name, gripper)
+            success[k] = success_of_each(estimates.instances, table, name, gripper)
     if truth is None:
         truth = np.full((len(estimates), 4, 4), np.nan)
     return TrainingData(estimates, principal, gripper, truth, success, simulated)

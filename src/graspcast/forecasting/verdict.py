@@ -1,18 +1,25 @@
-"""From a probability to a verdict: attempt the grasp, or abstain."""
+"""Verdicts: attempt a grasp or abstain, and the CSV file of them."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from operator import itemgetter
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from graspcast.bop.units import metres, millimetres
 from graspcast.errors import FormatError, InputError
 from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.instances import KEY_COLUMNS, InstanceKey
+from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.io.files import write_text
+from graspcast.pose.transforms import transform
 
 __all__ = [
     "OOD_ALPHA",
@@ -26,9 +33,22 @@ __all__ = [
 ]
 
 OOD_ALPHA = 0.01
-"""A disagreement whose p-value is this or less is unfamiliar, so it is abstained from."""
+"""A disagreement with this p-value or a smaller one is out of distribution: abstain."""
 
-COLUMNS = ("scene_id", "im_id", "obj_id", "gripper", "probability", "verdict", "reason")
+_NUMBERS = ("scene_id", "im_id", "obj_id", "est_id")
+_NAMES = ("dataset", "principal", "gripper", "grasp")
+COLUMNS = (
+    *KEY_COLUMNS,
+    "principal",
+    "gripper",
+    "grasp",
+    "probability",
+    "verdict",
+    "reason",
+    "R",
+    "t",
+)
+"""The columns of a verdicts file; ``R`` (row by row) and ``t`` (mm) are BOP's, of ``cam_T_obj``."""
 
 
 @dataclass(frozen=True)
@@ -40,19 +60,20 @@ class Verdict:
     attempt
         Whether to attempt it.
     probability
-        Of success; None where there is no forecast.
+        The probability of success; None where there is no forecast.
     reason
         Why, in a few words.
     threshold
         The least probability that is attempted; None where there is no forecast.
-    promise
+    guarantee
         What the threshold was certified to keep, if it was.
     p_value
-        How usual the disagreement is (small is strange), where that was asked.
-    unfamiliar
-        Whether it was too strange to trust the forecast.
-    moved
-        What moved the probability, and by how much, the strongest first, where asked.
+        Conformal p-value of the disagreement under the training data; None where not asked for.
+    out_of_distribution
+        Whether the disagreement is too unusual to trust the forecast.
+    attribution
+        Groups of features and by how much each moved the probability, the strongest first; empty
+        where not asked for.
     """
 
     attempt: bool
@@ -68,19 +89,32 @@ class Verdict:
         return "attempt" if self.attempt else "abstain"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class VerdictRow:
-    """The verdict on one instance: BOP numbers, gripper, verdict."""
+    """The verdict on one grasp of one instance.
 
-    scene_id: int
-    im_id: int
-    obj_id: int
+    Attributes
+    ----------
+    key
+        The instance; ``est_id`` is the principal's.
+    principal, gripper, grasp
+        Who guides which grasp by which gripper.
+    verdict
+        Attempt or abstain, and why.
+    cam_T_obj
+        The principal's pose, which would guide the grasp, metres, (4, 4).
+    """
+
+    key: InstanceKey
+    principal: str
     gripper: str
     verdict: Verdict
+    cam_T_obj: Float[ndarray, "4 4"]
+    grasp: str = REFERENCE_GRASP
 
 
 def check_threshold(threshold: float) -> float:
-    """A decision threshold, if it is a probability.
+    """Return a decision threshold, if it is a probability.
 
     Raises
     ------
@@ -101,73 +135,71 @@ def decide(
     ood_alpha: float = OOD_ALPHA,
     attribution: tuple[tuple[str, float], ...] = (),
 ) -> Verdict:
-    """Attempt at this probability or above it, unless the disagreement is unfamiliar.
+    """Return the verdict: attempt from a probability on, unless out of distribution.
 
     Parameters
     ----------
     probability
-        Of success.
+        The probability of success.
     threshold
         The least that is attempted; None attempts nothing.
-    promise
+    guarantee
         What the threshold was certified to keep, or why nothing could be.
     p_value
-        How usual the disagreement is; None is not asked.
-    strange
-        A p-value of this or less is unfamiliar; 0 trusts every forecast.
-    moved
-        What moved the probability.
+        Conformal p-value of the disagreement; None if not asked for.
+    ood_alpha
+        A p-value of this or less is out of distribution; 0 accepts every disagreement.
+    attribution
+        What moved the probability, and by how much.
     """
-    out_of_distribution = p_value is not None and p_value <= ood_alpha
-    attempt = threshold is not None and probability >= threshold and not out_of_distribution
+    unusual = p_value is not None and p_value <= ood_alpha
+    attempt = threshold is not None and probability >= threshold and not unusual
     if threshold is None:
         reason = f"probability {probability:.3f}; no threshold could be certified"
     else:
         sign = ">=" if probability >= threshold else "<"
         reason = f"probability {probability:.3f} {sign} {threshold:g}"
-    if out_of_distribution:
-        reason += f"; unfamiliar disagreement (p-value {p_value:.4f})"
+    if unusual:
+        reason += f"; out-of-distribution disagreement (p-value {p_value:.4f})"
     if attribution:
-        told = ", ".join(f"{name} {by:+.2f}" for name, by in attribution[:2])
-        reason += f"; moved by {told}"
+        parts = ", ".join(f"{name} {by:+.2f}" for name, by in attribution[:2])
+        reason += f"; attributed to {parts}"
     return Verdict(
-        attempt,
-        probability,
-        reason,
-        threshold,
-        guarantee,
-        p_value,
-        out_of_distribution,
-        tuple(attribution),
+        attempt, probability, reason, threshold, guarantee, p_value, unusual, tuple(attribution)
     )
 
 
 def verdict_rows(
-    estimates: Estimates, verdicts: Iterable[Verdict], gripper: str
-) -> list[tuple[tuple[int, int, int, int], VerdictRow]]:
-    """Verdicts on all of the anchor's instances, by scene, image, object and instance, ascending.
+    estimates: Estimates,
+    verdicts: Iterable[Verdict],
+    *,
+    principal: str,
+    gripper: str,
+    grasp: str = REFERENCE_GRASP,
+) -> list[VerdictRow]:
+    """Return the verdicts on all of the principal's instances, ordered by key.
 
     Parameters
     ----------
     estimates
-        Instances with a pose by every estimator, and those that some lack.
+        Instances with a pose by every estimator, and those that some lack: these are abstained
+        from.
     verdicts
         One for each of the former.
-    gripper
-        The gripper's name.
+    principal, gripper, grasp
+        Who guides which grasp by which gripper.
     """
-    columns = (estimates.scene_id, estimates.im_id, estimates.obj_id, estimates.est_id)
-    keys = zip(*(column.tolist() for column in columns), strict=True)
-    rows = list(zip(keys, verdicts, strict=True))
-    for gap in estimates.partial:
-        verdict = Verdict(False, None, f"no estimate by {', '.join(gap.lacking)}")
-        rows.append(((gap.scene_id, gap.im_id, gap.obj_id, gap.est_id), verdict))
-    rows.sort(key=itemgetter(0))
-    return [(key, VerdictRow(key[0], key[1], key[2], gripper, given)) for key, given in rows]
+    who = {"principal": principal, "gripper": gripper, "grasp": grasp}
+    triples = zip(estimates.instances.to_keys(), verdicts, estimates.of(principal), strict=True)
+    rows = [VerdictRow(key, verdict=given, cam_T_obj=pose, **who) for key, given, pose in triples]
+    for gap in estimates.incomplete:
+        verdict = Verdict(False, None, f"no estimate by {', '.join(gap.missing)}")
+        rows.append(VerdictRow(gap.key, verdict=verdict, cam_T_obj=gap.cam_T_obj, **who))
+    return sorted(rows, key=lambda row: row.key)
 
 
 def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> None:
-    """Write verdicts as CSV, whole or not at all; no probability is an empty field."""
+    """Write verdicts as CSV, atomically; no probability is an empty field."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -175,49 +207,79 @@ def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> Non
         given = row.verdict.probability
         writer.writerow(
             [
-                row.scene_id,
-                row.im_id,
-                row.obj_id,
+                *row.key,
+                row.principal,
                 row.gripper,
+                row.grasp,
                 "" if given is None else f"{given:.6f}",
                 row.verdict,
                 row.verdict.reason,
+                _joined(row.cam_T_obj[:3, :3].ravel()),
+                _joined(millimetres(row.cam_T_obj[:3, 3])),
             ]
         )
     write_text(path, out.getvalue())
 
 
 def read_verdicts(path: str | PathLike[str]) -> list[VerdictRow]:
-    """Read what :func:`write_verdicts` wrote, in its order.
+    """Read what :func:`write_verdicts` wrote, in the order of the file.
 
     Raises
     ------
     FormatError
-        Naming the line.
+        Naming the line; for a file of a former version, which names no instance; and for two
+        verdicts on the same grasp.
     """
     try:
         with Path(path).open(encoding="utf-8-sig", newline="") as stream:
             reader = csv.DictReader(stream)
-            missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
-            if missing:
-                raise FormatError(
-                    path, f"no column {', '.join(missing)}; is it what graspcast predict wrote?"
-                )
-            return [_verdict_row(row, path, f"line {reader.line_num}") for row in reader]
+            _check_columns(path, reader.fieldnames or ())
+            lines: dict[tuple[object, ...], int] = {}
+            out = []
+            for row in reader:
+                found = _verdict_row(row, path, f"line {reader.line_num}")
+                trial = (found.key, found.principal, found.gripper, found.grasp)
+                if trial in lines:
+                    raise FormatError(
+                        path,
+                        f"line {lines[trial]} holds a verdict on the same grasp: {found.key}",
+                        where=f"line {reader.line_num}",
+                    )
+                lines[trial] = reader.line_num
+                out.append(found)
+            return out
     except OSError as error:
         raise FormatError(path, f"cannot be read ({error.strerror})") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise FormatError(path, f"is not a CSV file ({error})") from error
 
 
+def _check_columns(path: str | PathLike[str], columns: Sequence[str]) -> None:
+    missing = [name for name in COLUMNS if name not in columns]
+    if not missing:
+        return
+    if "verdict" in columns and "est_id" in missing:
+        raise FormatError(
+            path,
+            "is a verdicts file of a former version, which does not say which instance a row is "
+            "about; run graspcast predict again",
+        )
+    raise FormatError(
+        path, f"no column {', '.join(missing)}; a verdicts file has {', '.join(COLUMNS)}"
+    )
+
+
 def _verdict_row(row: dict[str, str], path: str | PathLike[str], where: str) -> VerdictRow:
     if None in row.values() or None in row:
         raise FormatError(path, f"should have {len(COLUMNS)} fields", where=where)
-    said = {"attempt": True, "abstain": False}.get(row["verdict"])
-    if said is None:
+    attempt = {"attempt": True, "abstain": False}.get(row["verdict"])
+    if attempt is None:
         raise FormatError(
             path, f"the verdict is {row['verdict']!r}, not attempt or abstain", where=where
         )
+    for name in _NAMES:
+        if not row[name]:
+            raise FormatError(path, f"{name} is empty", where=where)
     try:
         probability = float(row["probability"]) if row["probability"] else None
     except ValueError:
@@ -226,12 +288,37 @@ def _verdict_row(row: dict[str, str], path: str | PathLike[str], where: str) -> 
         raise FormatError(
             path, f"the probability is {row['probability']}, not from 0 to 1", where=where
         )
-    scene_id, im_id, obj_id = (_number(row[name], name, path, where) for name in COLUMNS[:3])
-    verdict = Verdict(said, probability, row["reason"])
-    return VerdictRow(scene_id, im_id, obj_id, row["gripper"], verdict)
+    numbers = (_number(row[name], name, path, where) for name in _NUMBERS)
+    return VerdictRow(
+        key=InstanceKey(row["dataset"], *numbers),
+        principal=row["principal"],
+        gripper=row["gripper"],
+        grasp=row["grasp"],
+        verdict=Verdict(attempt, probability, row["reason"]),
+        cam_T_obj=transform(
+            _numbers(row["R"], 9, "R", path, where).reshape(3, 3),
+            metres(_numbers(row["t"], 3, "t", path, where)),
+        ),
+    )
 
 
 def _number(text: str, name: str, path: str | PathLike[str], where: str) -> int:
     if not text.isdecimal() or int(text) >= 2**31:
         raise FormatError(path, f"{name} is {text!r}, not a BOP number", where=where)
     return int(text)
+
+
+def _numbers(
+    text: str, count: int, name: str, path: str | PathLike[str], where: str
+) -> Float[ndarray, "count"]:
+    try:
+        values = np.array(text.split(), dtype=np.float64)
+    except ValueError:
+        values = np.empty(0)
+    if values.shape != (count,) or not np.isfinite(values).all():
+        raise FormatError(path, f"{name} is not {count} finite numbers: {text!r}", where=where)
+    return values
+
+
+def _joined(values: ndarray) -> str:
+    return " ".join(map(repr, values.tolist()))

@@ -10,10 +10,10 @@ import numpy as np
 import polars as pl
 
 from graspcast.estimates.image_split import PARTS
+from graspcast.estimates.outcomes import TRIAL_COLUMNS
 from graspcast.io.markdown import table
 from graspcast.paper.dataset import ESTIMATORS, GRIPPERS, OBJECTS
 from graspcast.paper.tables import paper_tables, table1
-from graspcast.simulation.campaign.requests import KEY_COLUMNS
 from graspcast.simulation.grasps.agreement import agreement
 from graspcast.simulation.grasps.observed_trials import ObservedTrials
 from graspcast.simulation.grasps.table import GraspTable
@@ -52,7 +52,7 @@ def compare(
         given=pl.Series(trials.success), part=pl.Series(trials.part.astype(str))
     )
     joined = keys.join(
-        outcomes.select(*KEY_COLUMNS, "success", "reason"), on=list(KEY_COLUMNS), how="inner"
+        outcomes.select(*TRIAL_COLUMNS, "success", "reason"), on=list(TRIAL_COLUMNS), how="inner"
     )
     cells = {}
     for name in OBJECTS:

@@ -13,8 +13,9 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset, GroundTruth
 from graspcast.bop.meshes import Mesh, read_coloured_mesh
 from graspcast.bop.results import Results
-from graspcast.errors import FormatError, InputError
-from graspcast.estimates.alignment import partners, rows_in_image
+from graspcast.errors import FormatError, InputError, MismatchError
+from graspcast.estimates.alignment import estimate_ids, partners, rows_in_image
+from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.matching import match
 from graspcast.forecasting.verdict import VerdictRow
 from graspcast.pose.metrics import rotation_error, translation_error
@@ -67,9 +68,9 @@ def overlays(
     verdicts: Sequence[VerdictRow] | None = None,
     size: int = 320,
 ) -> list[Overlay]:
-    """Every estimate in some images: image by image, object by object, estimators side by side.
+    """Draw every estimate in some images, one field for each estimator of each instance.
 
-    The first estimator's detections of an object, by decreasing score, are its instances; the
+    The first estimator's estimates of an object, by decreasing score, are its instances; the
     others' are assigned to them as in :func:`graspcast.estimates.alignment.align`.
 
     Parameters
@@ -81,14 +82,16 @@ def overlays(
     images
         (scene, image).
     verdicts
-        On the first estimator's estimates, all instances in order.
+        Each is shown with the estimate of its principal that it is about.
     size
         Pixels on a side of a picture.
 
     Raises
     ------
     InputError
-        For an image without an estimate, or an estimate without its verdict.
+        For an image without an estimate, or an estimate by a principal without its verdict.
+    MismatchError
+        If no verdict has one of the estimators as its principal.
     FormatError
         For an image or a mesh that cannot be read.
     """
@@ -147,13 +150,19 @@ class _Drawing:
         self.matched = (
             None if self.truth is None else [match(table, self.truth) for table in results.values()]
         )
-        self.verdicts: dict[tuple[int, int, int], dict[str, list[VerdictRow]]] | None = None
+        self.est_ids = {name: estimate_ids(table) for name, table in results.items()}
+        self.verdicts: dict[tuple[str, InstanceKey], list[VerdictRow]] | None = None
         if verdicts is not None:
             self.verdicts = {}
             for row in verdicts:
-                key = (row.scene_id, row.im_id, row.obj_id)
-                of_object = self.verdicts.setdefault(key, {})
-                of_object.setdefault(row.gripper, []).append(row)
+                self.verdicts.setdefault((row.principal, row.key), []).append(row)
+            self.principals = {row.principal for row in verdicts}
+            if not self.principals & set(results):
+                raise MismatchError(
+                    f"the verdicts are on estimates by {', '.join(sorted(self.principals))}, but "
+                    f"the estimates are by {', '.join(results)}",
+                    parameters=("verdicts", "estimates"),
+                )
         self._meshes: dict[int, tuple[Mesh, UInt8[ndarray, "v 3"]]] = {}
 
     def of(self, images: Sequence[tuple[int, int]]) -> list[Overlay]:
@@ -178,16 +187,14 @@ class _Drawing:
                     for table, rows in zip(tables, found, strict=True)
                 ]
                 anchor = next(k for k, rows in enumerate(mine) if rows)
-                for instance, row in enumerate(partners(mine, anchor, tables)):
+                for row in partners(mine, anchor, tables):
                     out += [
-                        self._field(image, obj_id, instance, number, chosen)
+                        self._field(image, obj_id, number, chosen)
                         for number, chosen in enumerate(row)
                     ]
         return out
 
-    def _field(
-        self, image: tuple[int, int], obj_id: int, instance: int, number: int, row: int | None
-    ) -> Overlay:
+    def _field(self, image: tuple[int, int], obj_id: int, number: int, row: int | None) -> Overlay:
         name, estimator = f"{self.dataset.name}-{obj_id}", list(self.results)[number]
         if row is None:
             return Overlay(name, *image, estimator, None)
@@ -206,7 +213,8 @@ class _Drawing:
             cam_T_true,
             size=self.size,
         )
-        verdicts = self._verdicts(name, (*image, obj_id), instance) if number == 0 else ()
+        est_id = int(self.est_ids[estimator][row])
+        verdicts = self._verdicts(estimator, InstanceKey(self.dataset.name, *image, obj_id, est_id))
         return Overlay(name, *image, estimator, pixels, rotation_deg, translation_mm, verdicts)
 
     def _off(
@@ -216,18 +224,16 @@ class _Drawing:
         rotation = rotation_error(*pair, self.dataset.models[obj_id].symmetries)
         return float(np.degrees(rotation[0])), float(1000 * translation_error(*pair)[0])
 
-    def _verdicts(
-        self, name: str, key: tuple[int, int, int], instance: int
-    ) -> tuple[VerdictRow, ...]:
-        if self.verdicts is None:
+    def _verdicts(self, estimator: str, key: InstanceKey) -> tuple[VerdictRow, ...]:
+        if self.verdicts is None or estimator not in self.principals:
             return ()
-        rows = [rows[instance : instance + 1] for rows in self.verdicts.get(key, {}).values()]
-        if not any(rows):
+        rows = self.verdicts.get((estimator, key))
+        if not rows:
             raise InputError(
-                f"no verdict on instance {instance} of {name} in image {key[0]}/{key[1]}; are the "
-                f"verdicts on the estimates by {next(iter(self.results))}, which come first?"
+                f"no verdict on {key} by {estimator}: are the verdicts on these estimates?",
+                parameters=("verdicts",),
             )
-        return tuple(row for found in rows for row in found)
+        return tuple(rows)
 
     def _mesh(self, obj_id: int) -> tuple[Mesh, UInt8[ndarray, "v 3"]]:
         if obj_id not in self._meshes:

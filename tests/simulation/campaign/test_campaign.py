@@ -25,10 +25,11 @@ from graspcast.errors import (
     MismatchError,
     UnknownNameError,
 )
+from graspcast.estimates.outcomes import TRIAL_COLUMNS
 from graspcast.simulation.campaign.campaign import Progress, run_campaign
 from graspcast.simulation.campaign.executors import LocalExecutor, usable_cores
 from graspcast.simulation.campaign.jobs import TrialSetup, load_setups
-from graspcast.simulation.campaign.requests import KEY_COLUMNS, TrialRequests
+from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.campaign.store import COLUMNS, Store
 from graspcast.simulation.grasps.table import read_grasps
 from graspcast.simulation.trial.trial import TrialSettings
@@ -407,4 +408,4 @@ def test_the_card_reads_as_it_says(complete: Path) -> None:
 
 
 def test_keys_are_the_first_columns() -> None:
-    assert list(COLUMNS)[: len(KEY_COLUMNS)] == list(KEY_COLUMNS)
+    assert list(COLUMNS)[: len(TRIAL_COLUMNS)] == list(TRIAL_COLUMNS)

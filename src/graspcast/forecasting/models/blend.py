@@ -147,7 +147,7 @@ class Blend:
         out_of_fold = OutOfFold(
             _expit(slope * _logit(forecasts[0, told]) + shift),
             own[told] == 1,
-            unit_names(training_data.estimates.select(told), "image"),
+            unit_names(training_data.estimates.select(told).instances, "image"),
         )
         return replace(blend, calibration=calibration, out_of_fold=out_of_fold)
 

@@ -117,7 +117,7 @@ class DesignMatrix:
             np.stack(truths),
             np.stack(errors),
             numbers,
-            scene_groups(estimates),
+            scene_groups(estimates.instances),
             len(objects),
             simulated,
         )

@@ -18,11 +18,11 @@ import polars as pl
 
 from graspcast._version import __version__
 from graspcast.errors import CampaignStoppedError, GraspcastError
-from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
+from graspcast.estimates.outcomes import ERROR_COLUMNS, TRIAL_COLUMNS, error_numbers
 from graspcast.simulation.campaign.dataset_card import write_card
 from graspcast.simulation.campaign.executors import Executor, LocalExecutor
 from graspcast.simulation.campaign.jobs import Batch, TrialSetup
-from graspcast.simulation.campaign.requests import KEY_COLUMNS, TrialRequests
+from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.campaign.store import COLUMNS, Store
 from graspcast.simulation.trial.trial import Outcome
 
@@ -172,7 +172,7 @@ def _describe(pair: TrialSetup) -> dict[str, Any]:
 
 
 def _rows_left(requests: TrialRequests, kept: pl.DataFrame) -> np.ndarray:
-    rows = requests.keys.with_row_index("row").join(kept, on=list(KEY_COLUMNS), how="anti")
+    rows = requests.keys.with_row_index("row").join(kept, on=list(TRIAL_COLUMNS), how="anti")
     return np.sort(rows["row"].to_numpy()).astype(np.int64)
 
 

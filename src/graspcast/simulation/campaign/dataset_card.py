@@ -20,7 +20,8 @@ _MEANING = {
     "scene_id": "BOP's number of the scene",
     "im_id": "BOP's number of the image in the scene",
     "obj_id": "BOP's number of the object",
-    "est_id": "which instance of the object in the image, from 0",
+    "est_id": "rank by score among the estimator's estimates of the object in the image, from 0",
+    "grasp": "the grasp's name",
     "gripper": "who grasped",
     **dict.fromkeys(ERROR_COLUMNS[:3], "metres: the estimate's origin in the true object's frame"),
     **dict.fromkeys(

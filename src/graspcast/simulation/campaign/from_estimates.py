@@ -14,7 +14,7 @@ import polars as pl
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
-from graspcast.estimates.alignment import instance_numbers
+from graspcast.estimates.alignment import estimate_ids
 from graspcast.estimates.matching import match
 from graspcast.pose.transforms import compose, invert
 from graspcast.simulation.campaign.requests import TrialRequests
@@ -60,7 +60,7 @@ def trials_from_estimates(
             if without := int((matched < 0).sum()):
                 notes.append(f"{table.source}: {without} estimates have no ground truth")
             rows = np.flatnonzero(matched >= 0)
-            numbers = instance_numbers(table)
+            numbers = estimate_ids(table)
             for gripper in grippers:
                 keys.append(
                     pl.DataFrame(

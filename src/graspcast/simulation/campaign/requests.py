@@ -11,19 +11,9 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.errors import InputError
+from graspcast.estimates.outcomes import REFERENCE_GRASP, TRIAL_COLUMNS, TRIAL_SCHEMA
 
-__all__ = ["KEY_COLUMNS", "TrialRequests"]
-
-KEY_COLUMNS = {
-    "estimator": pl.String,
-    "dataset": pl.String,
-    "scene_id": pl.Int64,
-    "im_id": pl.Int64,
-    "obj_id": pl.Int64,
-    "est_id": pl.Int64,
-    "gripper": pl.String,
-}
-"""What tells one trial from another."""
+__all__ = ["TrialRequests"]
 
 _RIGID_TOLERANCE = 1e-6
 
@@ -35,7 +25,8 @@ class TrialRequests:
     Attributes
     ----------
     keys
-        The columns of ``KEY_COLUMNS``, and ``object``, the object's name in the catalogue; where
+        The columns of :data:`~graspcast.estimates.outcomes.TRIAL_COLUMNS` (``grasp`` may be left
+        out: the reference grasp), and ``object``, the object's name in the catalogue; where
         that column is not given it is ``dataset-obj_id``. No row may be there twice.
     obj_T_est
         The estimates seen from the true objects, ``inv(cam_T_gt) @ cam_T_est``, metres, (n, 4, 4).
@@ -51,7 +42,10 @@ class TrialRequests:
     obj_T_est: Float[ndarray, "n 4 4"]
 
     def __post_init__(self) -> None:
-        missing = [name for name in KEY_COLUMNS if name not in self.keys.columns]
+        if "grasp" not in self.keys.columns:
+            with_grasp = self.keys.with_columns(grasp=pl.lit(REFERENCE_GRASP))
+            object.__setattr__(self, "keys", with_grasp)
+        missing = [name for name in TRIAL_COLUMNS if name not in self.keys.columns]
         if missing:
             raise InputError(f"the trials lack the column {missing[0]!r}; needed: {_names()}")
         keys = self.keys
@@ -59,7 +53,7 @@ class TrialRequests:
             keys = keys.with_columns(object=pl.format("{}-{}", "dataset", "obj_id"))
         try:
             keys = keys.select(
-                *(pl.col(name).cast(kind) for name, kind in KEY_COLUMNS.items()),
+                *(pl.col(name).cast(kind) for name, kind in TRIAL_SCHEMA.items()),
                 pl.col("object").cast(pl.String),
             )
         except pl.exceptions.PolarsError as error:
@@ -75,7 +69,7 @@ class TrialRequests:
         nulls = self.keys.select(pl.any_horizontal(pl.all().is_null())).to_series()
         if nulls.any():
             raise InputError(f"a trial has no value in some column: {self.describe(nulls)}")
-        repeated = self.keys.select(list(KEY_COLUMNS)).is_duplicated()
+        repeated = self.keys.select(list(TRIAL_COLUMNS)).is_duplicated()
         if repeated.any():
             raise InputError(f"two trials have the same keys: {self.describe(repeated)}")
         poses = self.obj_T_est
@@ -101,7 +95,7 @@ class TrialRequests:
     def describe(self, rows: ndarray | pl.Series) -> str:
         """The keys of the first row of a mask, for a message."""
         row = self.keys.row(int(np.argmax(np.asarray(rows))), named=True)
-        return ", ".join(f"{name} {row[name]}" for name in KEY_COLUMNS)
+        return ", ".join(f"{name} {row[name]}" for name in TRIAL_COLUMNS)
 
     def select(self, rows: Int[ndarray, " m"]) -> TrialRequests:
         """Some of the trials, by row number."""
@@ -118,7 +112,7 @@ class TrialRequests:
 
     def digests(self) -> dict[str, str]:
         """SHA-256 over keys and poses, as hex, for each estimator on each dataset; in any order."""
-        order = self.keys.with_row_index("row").sort(list(KEY_COLUMNS))
+        order = self.keys.with_row_index("row").sort(list(TRIAL_COLUMNS))
         out = {}
         for group, rows in order.group_by("estimator", "dataset", maintain_order=True):
             index = rows["row"].to_numpy()
@@ -129,4 +123,4 @@ class TrialRequests:
 
 
 def _names() -> str:
-    return ", ".join(KEY_COLUMNS)
+    return ", ".join(TRIAL_COLUMNS)

@@ -26,15 +26,14 @@ from typing import Any
 import polars as pl
 
 from graspcast.errors import FormatError, InputError, MismatchError
-from graspcast.estimates.outcomes import ERROR_COLUMNS
+from graspcast.estimates.outcomes import ERROR_COLUMNS, TRIAL_COLUMNS, TRIAL_SCHEMA
 from graspcast.io.files import write_text
 from graspcast.io.tables import read_parquet, write_table
-from graspcast.simulation.campaign.requests import KEY_COLUMNS
 
 __all__ = ["COLUMNS", "Store"]
 
 COLUMNS = {
-    **KEY_COLUMNS,
+    **TRIAL_SCHEMA,
     **dict.fromkeys(ERROR_COLUMNS, pl.Float64),
     "success": pl.Boolean,
     "reason": pl.String,
@@ -187,7 +186,7 @@ class Store:
         self.manifest  # noqa: B018 - an empty answer for a wrong directory would mislead
         parts = [_read(path) for path in self._files()]
         together = pl.concat([pl.DataFrame(schema=COLUMNS), *parts])
-        return together.unique(list(KEY_COLUMNS), keep="first").sort(list(KEY_COLUMNS))
+        return together.unique(list(TRIAL_COLUMNS), keep="first").sort(list(TRIAL_COLUMNS))
 
     def _merge(self, target: Path) -> pl.DataFrame:
         parts = self._files()

@@ -14,8 +14,9 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.estimates.image_split import Part, frames_of, part_of
+from graspcast.estimates.outcomes import join_outcomes
 from graspcast.simulation.campaign.from_estimates import trials_from_estimates
-from graspcast.simulation.campaign.requests import KEY_COLUMNS, TrialRequests
+from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.grasps.sampling import FittedTrials
 
 __all__ = ["ObservedTrials", "observed_trials"]
@@ -79,11 +80,7 @@ def observed_trials(
     """
     grippers = outcomes["gripper"].unique().sort().to_list()
     asked = trials_from_estimates(results, datasets, grippers)
-    joined = (
-        asked.keys.with_row_index("row")
-        .join(outcomes.select(*KEY_COLUMNS, "success"), on=list(KEY_COLUMNS), how="inner")
-        .sort("row")
-    )
+    joined = join_outcomes(asked.keys.with_row_index("row"), outcomes).drop_nulls("success")
     if not len(joined):
         raise InputError("none of these estimates has an outcome; are names and numbers the same?")
     requests = asked.select(joined["row"].to_numpy().astype(np.int64))
