@@ -190,7 +190,7 @@ def test_csvs_of_another_dataset_are_refused(
     (world / "a_made-test.csv").rename(other)
     arguments = ["--bop", str(world / "made"), "--estimates", f"a={other}"]
     said = refused(["errors", *arguments], capsys)
-    assert "by its name a CSV of dataset other, but --bop gives made" in said
+    assert "a CSV of dataset other, but the BOP directories are of made; if one of" in said
     nameless = other.rename(world / "a.csv")
     assert main(["errors", "--bop", str(world / "made"), "--estimates", f"a={nameless}"]) == 0
 
@@ -213,7 +213,7 @@ def test_objects_without_a_model(world: Path, capsys: pytest.CaptureFixture[str]
     assert "dropped 1 rows (object without a model)" in capsys.readouterr().err
     assert main(["errors", *inputs(world, "a"), "--objects", "1"]) == 0
     assert main(["errors", *inputs(world, "a"), "--objects", "made-1", "other-7"]) == 0
-    assert "--objects takes numbers" in refused(
+    assert "an object is given as NUMBER, or DATASET-NUMBER (lmo-5), not" in refused(
         ["errors", *inputs(world, "a"), "--objects", "can"], capsys
     )
 

@@ -1,4 +1,4 @@
-"""The command line: one verb a job, each a few lines over the library."""
+"""The command line: one file a verb, with its options and what it prints."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from graspcast.cli import (
 )
 from graspcast.errors import GraspcastError
 
-__all__ = ["main", "parser"]
+__all__ = ["main", "parser", "verb_parsers"]
 
 # In the order of --help.
 _VERBS = (
@@ -64,7 +64,7 @@ of them would guide is to succeed, and whether to attempt it.
 
 
 def parser() -> argparse.ArgumentParser:
-    """The parser of the whole command line."""
+    """Return the parser of the whole command line."""
     top = argparse.ArgumentParser(prog="graspcast", description=_DESCRIPTION)
     top.add_argument("--version", action="version", version=f"graspcast {__version__}")
     verbs = top.add_subparsers(title="verbs", dest="verb", metavar="VERB", required=True)
@@ -74,9 +74,9 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command line; the exit code.
+    """Run a command line and return its exit code.
 
-    0 done, 2 the user's mistake, 3 an alarm of ``monitor``, 130 interrupted.
+    0 done, 2 a mistake in the input, 3 an alarm of ``monitor``, 130 interrupted.
     """
     arguments_parser = parser()
     options = arguments_parser.parse_args(arguments)
@@ -91,11 +91,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
+def verb_parsers(top: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """Return the parser of each verb."""
+    (verbs,) = (a for a in top._actions if isinstance(a, argparse._SubParsersAction))
+    return dict(verbs.choices)
+
+
 def _options_of(top: argparse.ArgumentParser, verb: str, parameters: Sequence[str]) -> str:
     """Return the verb's options that belong to an error's parameters, as `` (see --a, --b)``."""
-    (verbs,) = (a for a in top._actions if isinstance(a, argparse._SubParsersAction))
-    by_name = {
-        a.dest: a.option_strings[-1] for a in verbs.choices[verb]._actions if a.option_strings
-    }
+    actions = verb_parsers(top)[verb]._actions
+    by_name = {a.dest: a.option_strings[-1] for a in actions if a.option_strings}
     options = [by_name[name] for name in parameters if name in by_name]
     return f" (see {', '.join(options)})" if options else ""

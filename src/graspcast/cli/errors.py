@@ -75,7 +75,7 @@ def _errors(options: argparse.Namespace) -> None:
         for i, (dataset, estimator, results) in enumerate(jobs):
             words = f"measuring {estimator} on {dataset}"
 
-            def step(share: float, i: int = i, words: str = words) -> None:
+            def step(share: float, _: str, i: int = i, words: str = words) -> None:
                 move((i + share) / len(jobs), words)
 
             errors = measure(results, inputs.datasets[dataset], only=only, progress=step)

@@ -25,7 +25,7 @@ _LARGE_DEG, _FLIPPED_DEG, _LARGE_MM = 30.0, 90.0, 50.0
 
 
 def tails(errors: pl.DataFrame) -> pl.DataFrame:
-    """Quantiles of one estimator's errors over objects, and how many are large.
+    """Compute quantiles of one estimator's errors, and shares of large ones, by object.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def tails(errors: pl.DataFrame) -> pl.DataFrame:
 
 
 def correlations(errors: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
-    """Rank correlation (Spearman) of errors between estimators, over instances both have seen.
+    """Compute Spearman's rank correlation of errors between estimators, over common instances.
 
     Parameters
     ----------

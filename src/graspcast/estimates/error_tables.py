@@ -1,4 +1,4 @@
-"""TODO."""
+"""Tables of pose errors: every estimate against ground truth, and summaries by object."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def measure(
     dataset: BopDataset,
     *,
     only: Collection[str] = tuple(MEASURES),
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float, str], None] | None = None,
 ) -> pl.DataFrame:
-    """The errors of every estimate that has a ground truth, a row each.
+    """Measure the pose errors of every estimate that matches ground truth, a row each.
 
     Parameters
     ----------
@@ -45,9 +45,9 @@ def measure(
     dataset
         Ground truth, models and cameras.
     only
-        The measures that are wanted.
+        The wanted measures.
     progress
-        Called with the share of the objects that are done.
+        Called with the share done, and words for it.
 
     Returns
     -------
@@ -67,7 +67,7 @@ def measure(
     present = np.unique(results.obj_id).tolist()
     for i, obj_id in enumerate(present):
         if progress is not None:
-            progress(i / len(present))
+            progress(i / len(present), f"measuring {dataset.name}-{obj_id}")
         dataset.models[obj_id]
         rows = np.flatnonzero((results.obj_id == obj_id) & (matched >= 0))
         if not len(rows):
@@ -108,7 +108,7 @@ def _measures(
 
 
 def summarise(errors: pl.DataFrame) -> pl.DataFrame:
-    """Number, mean and median of each measure for each object, and over objects alike.
+    """Summarise errors by object: number, mean and median of each measure.
 
     The last row (``obj_id`` null) is the mean over objects of the rows above it.
     """

@@ -1,4 +1,4 @@
-"""From the files that a user names to estimates, side by side and checked against one another."""
+"""Loading of estimates: results files and the datasets they belong to, checked together."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Inputs:
 
     @property
     def estimators(self) -> tuple[str, ...]:
-        """Those that have results on every dataset."""
+        """The estimators with results on every dataset."""
         tables = list(self.results.values())
         return tuple(name for name in tables[0] if all(name in table for table in tables))
 
@@ -68,7 +68,7 @@ class Inputs:
     def estimates(
         self, anchor: str | None = None, *, only: Collection[str] | None = None
     ) -> Estimates:
-        """The estimators (all, or some) side by side; adds to :attr:`notes` what some lack.
+        """Align the estimators (all, or some), and add to :attr:`notes` what some lack.
 
         Raises
         ------
@@ -130,8 +130,9 @@ def load_inputs(
     """
     if len(ground_truth) not in (0, len(bop)):
         raise InputError(
-            f"{len(ground_truth)} --ground-truth for {len(bop)} --bop: give none, or one for each, "
-            "in the same order"
+            f"{len(ground_truth)} directories of ground truth for {len(bop)} BOP directories: give "
+            "none, or one for each, in the same order",
+            parameters=("ground_truth", "bop"),
         )
     datasets: dict[str, BopDataset] = {}
     for i, (name, root) in enumerate(bop):
@@ -140,7 +141,8 @@ def load_inputs(
         if dataset.name in datasets:
             raise InputError(
                 f"{root}: there is already a dataset {dataset.name}, "
-                f"{datasets[dataset.name].root}; give one another name, by --bop NAME=DIR"
+                f"{datasets[dataset.name].root}; name one of them otherwise, NAME=DIR",
+                parameters=("bop",),
             )
         datasets[dataset.name] = dataset
     results: dict[str, dict[str, Results]] = {}
@@ -164,7 +166,8 @@ def _of_scenes(table: Results, scenes: Sequence[int]) -> Results:
         known = ", ".join(map(str, np.unique(table.scene_id).tolist()))
         raise InputError(
             f"{table.source}: no estimate in the wanted scenes {', '.join(map(str, scenes))}; it "
-            f"has scenes {known}"
+            f"has scenes {known}",
+            parameters=("scenes",),
         )
     return table.select(chosen)
 
@@ -174,15 +177,18 @@ def _dataset_name(path: Path, datasets: Mapping[str, BopDataset]) -> str:
     if not datasets:
         if stated is None:
             raise InputError(
-                f"{path}: of which dataset? Name the file METHOD_DATASET-SPLIT.csv, or give --bop"
+                f"{path}: of which dataset? Name the file METHOD_DATASET-SPLIT.csv, or give the "
+                "BOP directory",
+                parameters=("bop",),
             )
         return stated
     if stated is None and len(datasets) == 1:
         return next(iter(datasets))
     if stated is None or stated not in datasets:
         raise MismatchError(
-            f"{path}: by its name a CSV of dataset {stated}, but --bop gives "
-            f"{', '.join(datasets)}; if it is the same, say --bop {stated}=DIR"
+            f"{path}: by its name a CSV of dataset {stated}, but the BOP directories are of "
+            f"{', '.join(datasets)}; if one of them is the same, name it so: {stated}=DIR",
+            parameters=("bop",),
         )
     return stated
 
@@ -195,7 +201,7 @@ def _wanted(
     lenient: bool,
     notes: list[str],
 ) -> Results:
-    """The rows of the wanted objects, all of which the models must know."""
+    """Return the rows of the wanted objects, all of which the models must know."""
     if objects:
         numbers = [int(o.rpartition("-")[2]) for o in objects if _is_of(o, dataset_name)]
         table = table.select(np.isin(table.obj_id, numbers))
@@ -210,9 +216,10 @@ def _wanted(
         raise FormatError(
             table.source,
             f"object {table.obj_id[row]} is not in {datasets[dataset_name].models.directory}"
-            f"/models_info.json, which has {', '.join(map(str, sorted(info)))}; choose among these "
-            "with --objects, or leave the others out with --lenient",
+            f"/models_info.json, which has {', '.join(map(str, sorted(info)))}; choose among "
+            "these, or leave unknown objects out",
             where=f"line {table.line[row]}",
+            parameters=("objects", "lenient"),
         )
     notes.append(f"{table.source}: dropped {int((~known).sum())} rows (object without a model)")
     return table.select(known)
@@ -221,7 +228,10 @@ def _wanted(
 def _is_of(name: str, dataset_name: str) -> bool:
     dataset, _, number = name.rpartition("-")
     if not number.isdecimal():
-        raise InputError(f"--objects takes numbers, or DATASET-NUMBER (lmo-5), not {name!r}")
+        raise InputError(
+            f"an object is given as NUMBER, or DATASET-NUMBER (lmo-5), not {name!r}",
+            parameters=("objects",),
+        )
     return dataset in ("", dataset_name)
 
 

@@ -1,4 +1,4 @@
-"""Estimates against ground truth: which true instance each one means, and how far off it is."""
+"""Matching of estimates with ground truth."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ __all__ = ["match", "nearest_truth", "true_poses"]
 
 
 def match(results: Results, truth: GroundTruth) -> Int[ndarray, "n"]:
-    """The row of the true instance that each estimate means, -1 where there is none.
+    """Return the ground-truth row that each estimate matches, -1 where there is none.
 
-    Several of one object in an image are paired one to one with the smallest total distance.
+    Estimates and true instances of one object in an image are assigned one to one, with the
+    smallest total distance between positions.
 
     Raises
     ------
@@ -42,7 +43,7 @@ def match(results: Results, truth: GroundTruth) -> Int[ndarray, "n"]:
 def _matched(
     instances: tuple[ndarray, ndarray, ndarray], position: Float[ndarray, "n 3"], truth: GroundTruth
 ) -> Int[ndarray, "n"]:
-    """For scene, image and object of each instance: the row of the true one, -1 for none."""
+    """Return the ground-truth row of each instance (scene, image, object), -1 for none."""
     known: dict[tuple[int, int, int], list[int]] = {}
     keys = (truth.scene_id.tolist(), truth.im_id.tolist(), truth.obj_id.tolist())
     for row, key in enumerate(zip(*keys, strict=True)):
@@ -64,9 +65,9 @@ def _matched(
 def true_poses(
     estimates: Estimates, principal: str, datasets: Mapping[str, BopDataset]
 ) -> Float[ndarray, "n 4 4"]:
-    """``cam_T_obj`` of each instance, NaN where no ground truth has it.
+    """Return the true ``cam_T_obj`` of each instance, NaN where no ground truth has it, (n, 4, 4).
 
-    Of several of an object in an image, the one that goes with the principal's estimate.
+    Of several instances of an object in an image, the one that matches the principal's estimate.
     """
     out = np.full((len(estimates), 4, 4), np.nan)
     for name in np.unique(estimates.dataset).tolist():
@@ -86,10 +87,10 @@ def nearest_truth(
     obj_id: Int[ndarray, "n"],
     models: Mapping[str, Models],
 ) -> Float[ndarray, "n 4 4"]:
-    """Each true pose, seen from an estimate, turned by the symmetry that brings it nearest.
+    """Replace each true pose by its symmetric equivalent that is nearest to the estimate.
 
-    A turn by a symmetry is no error, but carried over to another object it would be one. Poses that
-    are not known (NaN) stay as they are.
+    A rotation by a symmetry is no error, but would be one when transferred to another object.
+    Unknown poses (NaN) stay as they are.
 
     Parameters
     ----------
