@@ -93,8 +93,8 @@ def test_from_estimates_to_verdicts(world: Path, capsys: pytest.CaptureFixture[s
     assert "60 verdicts" in capsys.readouterr().out
     with (world / "v.csv").open() as stream:
         rows = list(csv.DictReader(stream))
-    header = "scene_id,im_id,obj_id,gripper,probability,verdict,reason"
-    assert list(rows[0]) == header.split(",")
+    assert (rows[0]["dataset"], rows[0]["est_id"], rows[0]["grasp"]) == ("made", "0", "reference")
+    assert {(row["principal"], row["gripper"]) for row in rows} == {("a", "parallel")}
     for row in rows:
         assert (row["verdict"] == "attempt") is (float(row["probability"]) >= 0.4)
 
