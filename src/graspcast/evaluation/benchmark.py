@@ -16,7 +16,7 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.alignment import Estimates
-from graspcast.estimates.image_split import frames_of, part_of
+from graspcast.estimates.image_split import frames_of, split_of
 from graspcast.estimates.instances import scene_groups
 from graspcast.estimates.matching import true_poses
 from graspcast.forecasting.samples import Samples, join
@@ -73,7 +73,7 @@ class Benchmark:
         """The published data, perhaps with one's own trials."""
         estimates = data.estimates
         frames = frames_of({name: dataset.ground_truth for name, dataset in data.bop.items()})
-        part = part_of(estimates.dataset, estimates.scene_id, estimates.im_id, frames)
+        split = split_of(estimates.dataset, estimates.scene_id, estimates.im_id, frames)
         return cls(
             estimates=estimates,
             truth=_true_poses(estimates, data.bop),
@@ -81,7 +81,7 @@ class Benchmark:
             outcomes=data.outcomes,
             split=data.split,
             models=data.models,
-            reported=part == "report",
+            reported=split == "test",
             simulated=simulated,
         )
 
