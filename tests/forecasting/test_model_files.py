@@ -28,7 +28,7 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Models]:
 
 @pytest.fixture(scope="module")
 def threshold(models: dict[str, Models]) -> Forecaster:
-    return train_forecaster(synthetic.samples(360), method="threshold", models=models)
+    return train_forecaster(synthetic.tried(360), method="threshold", models=models)
 
 
 @pytest.fixture(scope="module")

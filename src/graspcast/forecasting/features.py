@@ -232,8 +232,9 @@ def _runs(*columns: ndarray) -> Iterator[slice | ndarray]:
 def _models_of(models: Mapping[str, Models], dataset: str) -> Models:
     if dataset not in models:
         raise MismatchError(
-            f"no object models for dataset {dataset!r}; known: {', '.join(models) or 'none'}; "
-            "give its BOP directory with --bop"
+            f"no object models for dataset {dataset!r}; there are models of: "
+            f"{', '.join(models) or 'none'}",
+            parameters=("bop", "models"),
         )
     return models[dataset]
 

@@ -43,7 +43,7 @@ KINDS: Mapping[str, Any] = {
     "MLP-O": NetworkEnsemble,
 }
 """Method's name to what is inside a forecaster of it."""
-_FORMAT = 2
+_FORMAT = 3
 
 
 @dataclass(frozen=True, eq=False)

@@ -106,7 +106,7 @@ def test_without_truth_there_is_the_direct_forest_and_without_anything_an_error(
     blend = blend_of(trained(without, models, folds=0))
     assert blend.success_given_error is None
     assert blend.direct is not None
-    with pytest.raises(InputError, match="need ground truth of some images"):
+    with pytest.raises(InputError, match="no instance has a known true pose"):
         train_forecaster(without, method="two-stage", forests=QUICK, models=models)
 
 
