@@ -112,7 +112,7 @@ def test_other_estimators_and_objects_are_refused(
     pose = given_.cam_T_obj[0, 0]
     with pytest.raises(MismatchError, match="none by a, b, c; given: none"):
         forecaster.predict({}, "d-1")
-    with pytest.raises(MismatchError, match=r"was not trained for d-7; it knows d-1, d-2; .*--obj"):
+    with pytest.raises(MismatchError, match=r"was not trained for d-7; it knows d-1, d-2"):
         forecaster.probability(synthetic.estimates(6, objects=(1, 7)))
     for name in ("d-7", "e-1", "ape", "", "d-", "d-²", "d-" + 30 * "9"):
         with pytest.raises(MismatchError, match="it knows d-1, d-2"):
