@@ -3,9 +3,9 @@
     python benchmarks/mlp_training.py [--epochs N] [--threads N] [--torch]
 
 The samples are random numbers in the shapes of the published data: three principals, two grippers,
-fifteen objects (the egg carton has no parallel grasp), four fifths to train on and the rest to look
-at after every epoch. With --torch one network is also trained by a plain PyTorch loop, for a few
-epochs in the same run.
+fifteen objects (the egg carton has no parallel grasp), four fifths for training and the rest for
+validation after every epoch. With --torch one network is also trained by a plain PyTorch loop, for
+a few epochs in the same run.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def main() -> None:
     if arguments.torch:
         one = problems(12, 1, 1)[0]
         torch, ours = [], []
-        for _ in range(5):  # in turns, so that what else the machine does strikes both
+        for _ in range(5):  # alternately, so that other load affects both
             torch.append(torch_seconds(one, settings, 10))
             began = time.process_time()
             train([one], MlpSettings(epochs=1000), threads=1)

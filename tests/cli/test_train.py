@@ -1,4 +1,4 @@
-"""train and predict with forests: simulation, explanations, promises, stand-ins, strangers."""
+"""train and predict with forests: simulation, attribution, certificates, fallbacks, novelty."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     trials = synthetic.error_outcomes(300, "made-2")
     errors = zip(ERROR_COLUMNS, error_numbers(trials.obj_T_est).T, strict=True)
     columns = {
-        "estimator": ["borrowed"] * 300,
+        "estimator": ["transferred"] * 300,
         "dataset": ["made"] * 300,
         "scene_id": [0] * 300,
         "im_id": list(range(300)),
@@ -272,9 +272,9 @@ def test_a_second_model_stands_in_where_a_supporter_is_missing(
         if 25 <= i < 40:
             assert (row["verdict"], row["probability"]) == ("abstain", "")
             continue
-        model, told = ("ab.npz", "b") if 10 <= i < 30 else ("abc.npz", "b, c")
+        model, supporters = ("ab.npz", "b") if 10 <= i < 30 else ("abc.npz", "b, c")
         assert row["probability"] == each[model][i]["probability"]
-        assert row["reason"].endswith(f"; with {told}")
+        assert row["reason"].endswith(f"; with {supporters}")
     said = refused(predict(world, tmp_path, models=both, names="ac", folder=tmp_path), capsys)
     assert "there are no estimates by b for the model with 2" in said
 

@@ -40,7 +40,7 @@ def test_only_unseen_scenes_are_scored(monkeypatch: pytest.MonkeyPatch) -> None:
         forecaster = train_forecaster(given_data, **options)
         seen = {groups[i] for i in given_data.estimates.im_id.tolist()}
 
-        class Watching(Forecaster):
+        class Checked(Forecaster):
             def probability(
                 self, estimates: Any, models: Any = None, *, unseen_objects: bool = False
             ) -> np.ndarray:
@@ -50,7 +50,7 @@ def test_only_unseen_scenes_are_scored(monkeypatch: pytest.MonkeyPatch) -> None:
                 return super().probability(estimates, models)
 
         fields = dataclasses.fields(forecaster)
-        return Watching(*(getattr(forecaster, field.name) for field in fields))
+        return Checked(*(getattr(forecaster, field.name) for field in fields))
 
     monkeypatch.setattr("graspcast.evaluation.cross_validation.train_forecaster", spy)
     heard: list[float] = []

@@ -52,26 +52,24 @@ def test_the_quick_methods_are_those_that_are_offered() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_flipping_judged_outcomes_changes_no_prediction(
-    benchmark: Benchmark, protocol: str
-) -> None:
-    """One fold at a time, for a fold's judged outcomes are another one's to learn from."""
+def test_flipping_test_outcomes_changes_no_prediction(benchmark: Benchmark, protocol: str) -> None:
+    """One fold at a time, since the test outcomes of one fold are training data of another."""
     own = protocol == "unseen_object_simulated"
-    first, judged = next(iter(tasks(benchmark, protocol, "a", "p")))
+    first, test = next(iter(tasks(benchmark, protocol, "a", "p")))
     table = benchmark.simulated if own else benchmark.outcomes
     assert table is not None
     mine = (
         (pl.col("estimator") == "a")
         & (pl.col("gripper") == "p")
-        & pl.col("im_id").is_in(judged.estimates.im_id.tolist())
+        & pl.col("im_id").is_in(test.estimates.im_id.tolist())
     )
     flipped = table.with_columns(
         success=pl.when(mine).then(1 - pl.col("success")).otherwise(pl.col("success"))
     )
     changed = {"simulated" if own else "outcomes": flipped}
     other = dataclasses.replace(benchmark, **changed, _joined={})
-    second, flipped_judged = next(iter(tasks(other, protocol, "a", "p")))
-    assert_array_equal(flipped_judged.own_success, 1 - judged.own_success)
+    second, flipped_test = next(iter(tasks(other, protocol, "a", "p")))
+    assert_array_equal(flipped_test.own_success, 1 - test.own_success)
     for method in QUICK.values():
         assert_array_equal(method(second), method(first))
 

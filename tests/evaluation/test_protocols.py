@@ -1,4 +1,4 @@
-"""Protocols: who sees what. No scene, object, gripper, outcome or ground truth leaks."""
+"""Protocols: no scene, object, gripper, outcome or ground truth of a test leaks into training."""
 
 from __future__ import annotations
 
@@ -38,31 +38,31 @@ def learned(task: Task) -> list[TrainingData]:
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_no_judged_instance_is_learned_from(benchmark: Benchmark, protocol: str) -> None:
+def test_no_test_instance_is_in_training(benchmark: Benchmark, protocol: str) -> None:
     for principal, gripper in benchmark.pairs():
-        judged_once: list[tuple[int, ...]] = []
-        for task, judged in tasks(benchmark, protocol, principal, gripper):
-            assert (judged.principal, judged.gripper) == (principal, gripper)
-            assert task.test is judged.estimates
+        tested: list[tuple[int, ...]] = []
+        for task, test in tasks(benchmark, protocol, principal, gripper):
+            assert (test.principal, test.gripper) == (principal, gripper)
+            assert task.test is test.estimates
             asked = keys(task.test)
             for samples in learned(task):
                 assert not asked & keys(samples.estimates)
             assert not asked & keys(task.annotated)
             with pytest.raises(MismatchError, match="are for testing"):
                 task.truth_of(task.test)
-            judged_once += asked
-        assert len(judged_once) == len(set(judged_once))
+            tested += asked
+        assert len(tested) == len(set(tested))
 
 
 @pytest.mark.parametrize("protocol", ["unseen_scenes", "unseen_gripper"])
 def test_no_scene_is_on_both_sides(benchmark: Benchmark, protocol: str) -> None:
     every = np.ones(len(benchmark), dtype=bool)
     seen = 0
-    for task, judged in tasks(benchmark, protocol, "b", "u", rows=every):
+    for task, test in tasks(benchmark, protocol, "b", "u", rows=every):
         asked = set(benchmark.scenes[benchmark.rows_of(task.test)])
         for given in [s.estimates for s in learned(task)] + [task.annotated]:
             assert not asked & set(benchmark.scenes[benchmark.rows_of(given)])
-        seen += len(judged)
+        seen += len(test)
     assert seen == len(benchmark)
 
 
@@ -71,30 +71,30 @@ def test_nothing_but_simulation_is_known_of_an_unseen_object(
     benchmark: Benchmark, protocol: str
 ) -> None:
     names = []
-    for task, judged in tasks(benchmark, protocol, "a", "p"):
+    for task, test in tasks(benchmark, protocol, "a", "p"):
         names.append(task.left_out)
-        assert set(judged.objects) == {task.left_out}
+        assert set(test.objects) == {task.left_out}
         assert benchmark.reported[benchmark.rows_of(task.test)].all()
         for samples in (task.train, *task.others):
             assert task.left_out not in samples.objects
         assert task.left_out not in task.annotated.objects
-        # One's own trials of it are there, on images that are not judged.
+        # One's own trials of it are there, on images that are not test.
         assert task.left_out in task.simulated[0].objects
     assert names == ["d-1", "d-2"]
 
 
 def test_nothing_but_simulation_is_known_of_an_unseen_gripper(benchmark: Benchmark) -> None:
-    for task, judged in tasks(benchmark, "unseen_gripper", "a", "p"):
-        assert task.left_out == judged.gripper == task.gripper == "p"
+    for task, test in tasks(benchmark, "unseen_gripper", "a", "p"):
+        assert task.left_out == test.gripper == task.gripper == "p"
         assert {s.gripper for s in (task.train, *task.others)} == {"u"}
         assert {s.gripper for s in task.simulated} == {"p"}
         assert benchmark.reported[benchmark.rows_of(task.test)].all()
 
 
 def test_the_split_is_the_one_of_the_principal_and_gripper(benchmark: Benchmark) -> None:
-    ((task, judged),) = tasks(benchmark, "random_split", "c", "u")
+    ((task, test),) = tasks(benchmark, "random_split", "c", "u")
     mine = benchmark.split.filter(pl.col("principal") == "c", pl.col("gripper") == "u")
-    assert len(judged) == (mine["split"] == "test").sum()
+    assert len(test) == (mine["split"] == "test").sum()
     assert len(task.train) == (mine["split"] == "train").sum()
 
 

@@ -1,4 +1,4 @@
-"""Forecasters: trained, saved, read back, asked; and what they refuse."""
+"""Forecasters: files, forecasts, verdicts, and invalid input."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ def campaign(path: Path, trials: SimulatedTrials, gripper: str) -> Path:
     names = [name.rpartition("-") for name in trials.objects.tolist()]
     frame = pl.DataFrame(
         {
-            "estimator": "borrowed",
+            "estimator": "transferred",
             "dataset": [dataset for dataset, _, _ in names],
             "scene_id": 0,
             "im_id": np.arange(len(trials)),

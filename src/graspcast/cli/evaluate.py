@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text, progress_bar
 from graspcast.cli.options import Verbs, add_json, add_outcomes, new_verb, positive, write_json
 from graspcast.errors import InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from graspcast.evaluation.benchmark import Benchmark
 
 __all__ = ["add"]
 
@@ -100,22 +104,36 @@ def _chosen(kind: str, asked: list[str] | None, known: list[str]) -> list[str]:
     return list(dict.fromkeys(asked or known))
 
 
+def _benchmark(options: argparse.Namespace) -> Benchmark:
+    """Read the published data, and one's own trials if there are any."""
+    from graspcast.estimates.outcomes import read_all_outcomes
+    from graspcast.evaluation.benchmark import Benchmark
+    from graspcast.forecasting.training_data import SimulatedTrials
+    from graspcast.paper.dataset import Published
+
+    simulated = read_all_outcomes(options.outcomes) if options.outcomes else None
+    data = Published(options.data)
+    transferred = {}
+    if options.transferred:
+        transferred = {
+            gripper: SimulatedTrials.read(options.transferred, gripper)
+            for gripper in data.outcomes["gripper"].unique().sort().to_list()
+        }
+    return Benchmark.of(data, simulated, transferred)
+
+
 def _evaluate(options: argparse.Namespace) -> None:
     import inspect
     import time
     from dataclasses import asdict
 
-    from graspcast.estimates.outcomes import read_all_outcomes
-    from graspcast.evaluation.benchmark import Benchmark
     from graspcast.evaluation.methods import METHODS
     from graspcast.evaluation.net_benefit import Costs
     from graspcast.evaluation.protocols import PROTOCOLS
     from graspcast.evaluation.report import Bootstrap, evaluate
     from graspcast.evaluation.run import forecast_all
     from graspcast.evaluation.tables import render_evaluation
-    from graspcast.forecasting.training_data import SimulatedTrials
     from graspcast.io.provenance import versions
-    from graspcast.paper.dataset import Published
 
     start = time.perf_counter()
     costs = Costs(options.failure_cost, options.abstain_cost)
@@ -132,13 +150,7 @@ def _evaluate(options: argparse.Namespace) -> None:
 
         check_plotting()
     methods = {name: METHODS[name](options.seed) for name in names}
-    simulated = read_all_outcomes(options.outcomes) if options.outcomes else None
-    data = Published(options.data)
-    transferred = {}
-    if options.transferred:
-        grippers = data.outcomes["gripper"].unique().sort().to_list()
-        transferred = {g: SimulatedTrials.read(options.transferred, g) for g in grippers}
-    benchmark = Benchmark.of(data, simulated, transferred)
+    benchmark = _benchmark(options)
     with progress_bar("evaluating") as move:
         forecasts = forecast_all(
             benchmark, methods, protocols, work=options.work, seed=options.seed, progress=move

@@ -157,8 +157,8 @@ class Forests:
             return success_rates(task)
         method = self.method
         if method == "blend" and data.simulated is not None and task.left_out is not None:
-            # The direct forest knows nothing of what is left out, so the blend equals the two-stage
-            # model, which is faster to train.
+            # The direct forest has no outcomes of what is left out, so the blend equals the
+            # two-stage model, which is faster to train.
             method = "two-stage"
         forecaster = train_forecaster(data, method=method, forests=settings, models=task.models)
         out = success_rates(task)

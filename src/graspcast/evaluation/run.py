@@ -63,17 +63,10 @@ def forecast_all(
         step = step_of(progress, i, len(jobs), message)
         step(0.0, "")
         path = work / protocol / name / f"{principal}-{gripper}.npz" if work is not None else None
-        where = (protocol, name, principal, gripper)
         own = protocol == "unseen_object_simulated" or getattr(methods[name], "simulates", False)
-        configuration = " ".join(
-            [
-                digests.get(own, ""),
-                *where,
-                f"seed={seed}",
-                repr(methods[name]),
-                f"graspcast={__version__}",
-            ]
-        )
+        where = (protocol, name, principal, gripper)
+        settings = (f"seed={seed}", repr(methods[name]), f"graspcast={__version__}")
+        configuration = " ".join([digests.get(own, ""), *where, *settings])
         found = Forecasts.load(path, configuration) if path is not None else None
         if found is None:
             found = forecast(

@@ -73,33 +73,18 @@ def train_forecaster(
         raise UnknownNameError("method", method, KINDS, parameters=("method",))
     scope = _scope(training_data, method)
     data = scope.data
-    used: Any = {}
-    if method in _DIRECT_WEIGHT:
-        features, used = "full", forests or ForestSettings()
+    used: Any = None
+    feature_set: str = features
+    if method == "threshold":
+        feature_set = "add"
+    elif method in _DIRECT_WEIGHT:
+        feature_set, used = "full", forests or ForestSettings()
         if (weight := _DIRECT_WEIGHT[method]) is not None:
             used = replace(used, direct=weight)
-    elif method != "threshold":
-        used = replace(
-            settings or NetworkSettings(),
-            pools_objects=method == "MLP-O",
-            standardise=features == "rich",
-        )
-    own = training_data.own_success[training_data.is_tried]
-    card = ModelCard(
-        principal=data.principal,
-        supporters=data.estimates.supporters(data.principal),
-        gripper=data.gripper,
-        objects=scope.objects,
-        method=method,
-        features="add" if method == "threshold" else features,
-        settings=asdict(used) if used else {},
-        samples=len(own),
-        success_rate=float(own.sum()) / max(1, len(own)),
-        data=digest_of(data.estimates, data.success, data.truth),
-        versions=versions(),
-        simulated=scope.simulated,
-        scenes=tuple(sorted(set(unit_names(data.estimates, "scene").tolist()))),
-    )
+    else:
+        pools, scales = method == "MLP-O", features == "rich"
+        used = replace(settings or NetworkSettings(), pools_objects=pools, standardise=scales)
+    card = _card(scope, method, feature_set, used)
     values = features_of(data.estimates, card.principal, card.features, models).values
     predictor: Predictor
     if method in _DIRECT_WEIGHT:
@@ -112,6 +97,26 @@ def train_forecaster(
             predictor = NetworkEnsemble.fit(values, success, numbers, used, progress=progress)
     novelty = Novelty.fit(data.estimates, card.principal)
     return Forecaster(card, predictor, novelty, np.median(values, axis=0))
+
+
+def _card(scope: _Scope, method: str, features: str, settings: Any) -> ModelCard:
+    data = scope.data
+    own = data.own_success[data.is_tried]
+    return ModelCard(
+        principal=data.principal,
+        supporters=data.estimates.supporters(data.principal),
+        gripper=data.gripper,
+        objects=scope.objects,
+        method=method,
+        features=features,
+        settings={} if settings is None else asdict(settings),
+        samples=len(own),
+        success_rate=float(own.sum()) / max(1, len(own)),
+        data=digest_of(data.estimates, data.success, data.truth),
+        versions=versions(),
+        simulated=scope.simulated,
+        scenes=tuple(sorted(set(unit_names(data.estimates, "scene").tolist()))),
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -139,15 +139,7 @@ class TrainingData:
         estimates.index(principal)
         success = np.full((len(estimates.estimators), len(estimates)), np.nan)
         if outcomes is not None:
-            grippers = outcomes["gripper"].unique().sort().to_list()
-            if gripper not in grippers:
-                raise UnknownNameError(
-                    "gripper",
-                    gripper,
-                    grippers,
-                    hint="These have outcomes",
-                    parameters=("gripper",),
-                )
+            _check_gripper(outcomes, gripper)
             image = ["dataset", "scene_id", "im_id", "obj_id"]
             alone = outcomes.filter(pl.col("est_id").max().over(image) == 0)
             for k, name in enumerate(estimates.estimators):
@@ -230,6 +222,14 @@ class TrainingData:
             )
         rows = [self.estimates.index(name) for name in estimators]
         return replace(self, estimates=self.estimates.only(*estimators), success=self.success[rows])
+
+
+def _check_gripper(outcomes: pl.DataFrame, gripper: str) -> None:
+    grippers = outcomes["gripper"].unique().sort().to_list()
+    if gripper not in grippers:
+        raise UnknownNameError(
+            "gripper", gripper, grippers, hint="These have outcomes", parameters=("gripper",)
+        )
 
 
 def _success(

@@ -1,4 +1,4 @@
-"""The ADD threshold: its rule by brute force, and all published cells."""
+"""The ADD threshold: its rule by exhaustive search, rates, and all published cells."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is inside a forecaster: thresholds and ensembles, fitted, saved and read back."""
+"""Ensembles of networks: training, arrays, and averages over members."""
 
 from __future__ import annotations
 

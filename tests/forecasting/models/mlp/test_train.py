@@ -1,4 +1,4 @@
-"""The training of many networks, against arithmetic that shares no code with it."""
+"""Training of many networks, against independent arithmetic."""
 
 from __future__ import annotations
 
