@@ -23,7 +23,6 @@ from graspcast import (
     TrainingData,
     compare,
     score,
-    training_data,
 )
 from graspcast.bop.results import write_results
 from graspcast.cli import main
@@ -99,7 +98,9 @@ class World:
         )
 
     def training_data(self, principal: str) -> TrainingData:
-        return training_data(self.estimates, self.outcomes, principal, "parallel", truth=self.truth)
+        return TrainingData.join(
+            self.estimates, self.outcomes, principal, "parallel", truth=self.truth
+        )
 
 
 @pytest.fixture(scope="module")
@@ -177,7 +178,7 @@ def test_figures_are_those_of_forecasts_without_the_supporter(
 ) -> None:
     world = World.make()
     judged = found.principals["a"]
-    success = world.training_data("a").samples.success
+    success = world.training_data("a").tried().own_success == 1
     values = {}
     for names in ("abc", "ab"):
         # As if the third had never been there.
@@ -259,7 +260,7 @@ def test_blocks_of_frames_are_cut_as_in_training(
     assert sorted(judged) == list(range(60))
     assert not np.isnan(probability).any()
     found = cross_validate(given, folds=3, method="threshold", models=models)
-    assert found == score(probability, given.samples.success, given.samples.objects)
+    assert found == score(probability, given.tried().own_success == 1, given.tried().objects)
 
 
 def test_an_object_of_one_scene_has_no_probability(models: dict[str, Models]) -> None:

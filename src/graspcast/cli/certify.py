@@ -102,7 +102,7 @@ def _certify(options: argparse.Namespace) -> None:
     from graspcast.estimates.instances import unit_names
     from graspcast.estimates.loading import load_outcomes
     from graspcast.forecasting.forecaster import Forecaster
-    from graspcast.forecasting.samples import join
+    from graspcast.forecasting.training_data import TrainingData
     from graspcast.guarantees.certify import certify
     from graspcast.guarantees.threshold_sequence import explore, learn_sequence
 
@@ -111,10 +111,11 @@ def _certify(options: argparse.Namespace) -> None:
     inputs = inputs_of(options)
     estimates = inputs.estimates(card.principal)
     outcomes = load_outcomes(options.outcomes, estimates.estimators)
-    samples = join(estimates, outcomes, card.principal, card.gripper)
+    samples = TrainingData.join(estimates, outcomes, card.principal, card.gripper).tried()
     note(*inputs.notes)
-    if samples.untried:
-        note(f"left out {samples.untried} instances without an outcome")
+    if untried := len(estimates) - len(samples):
+        note(f"left out {untried} instances without an outcome")
+    success = samples.own_success == 1
     scenes = unit_names(samples.estimates.instances, "scene")
     _check_unseen(card, set(scenes.tolist()), options.allow_training_scenes)
     probability = forecaster.probability(samples.estimates, inputs.models)
@@ -127,7 +128,7 @@ def _certify(options: argparse.Namespace) -> None:
     if options.explore or out_of_fold is None:
         sequence, kept = explore(
             probability,
-            samples.success,
+            success,
             units,
             spend=options.explore,
             seed=options.seed,
@@ -144,7 +145,7 @@ def _certify(options: argparse.Namespace) -> None:
         )
     certificate = certify(
         probability[kept],
-        samples.success[kept],
+        success[kept],
         units[kept],
         objects=None if objects is None else objects[kept],
         sequence=sequence,

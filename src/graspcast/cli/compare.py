@@ -99,7 +99,7 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> list[TrainingData]:
     """Those of each estimator that has outcomes with the gripper."""
     from graspcast.errors import MismatchError, UnknownNameError
     from graspcast.estimates.loading import load_outcomes
-    from graspcast.forecasting.training_data import training_data
+    from graspcast.forecasting.training_data import TrainingData
 
     # Before outcomes are read: a consensus takes two, whatever they say.
     names = inputs.estimates().estimators
@@ -111,9 +111,9 @@ def _lessons(options: argparse.Namespace, inputs: Inputs) -> list[TrainingData]:
     for name in names:
         estimates = inputs.estimates(name)
         truth = inputs.truth(estimates, name)
-        learned = training_data(estimates, outcomes, name, options.gripper, truth=truth)
         try:
-            untried = learned.samples.untried
+            learned = TrainingData.join(estimates, outcomes, name, options.gripper, truth=truth)
+            untried = int((~learned.is_tried).sum())
         except MismatchError as error:
             inputs.notes.append(f"{error}: it is a supporter only")
             continue

@@ -242,7 +242,7 @@ def compare(
         probability = {}
         for supporters in wanted:
 
-            def step(share: float, before: int = done) -> None:
+            def step(share: float, _: str, before: int = done) -> None:
                 if progress is not None:
                     progress((before + share) / total)
 
