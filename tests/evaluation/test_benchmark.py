@@ -6,8 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
-from graspcast.errors import MismatchError
+import synthetic
+from graspcast.errors import InputError, MismatchError
 from graspcast.evaluation.benchmark import Benchmark, _true_poses
 from graspcast.evaluation.methods import (
     Majority,
@@ -15,6 +17,40 @@ from graspcast.evaluation.methods import (
 from graspcast.evaluation.protocols import forecast
 from graspcast.evaluation.scores import score
 from graspcast.paper.dataset import ESTIMATORS, GRIPPERS, Published
+
+
+def test_tried_instances_among_some_rows() -> None:
+    benchmark = synthetic.benchmark({})
+    rows = np.arange(len(benchmark)) % 4 == 1
+    tried = benchmark.tried("b", "u", rows)
+    assert_array_equal(tried.estimates.im_id, benchmark.estimates.im_id[rows])
+    assert_array_equal(benchmark.rows_of(tried.estimates), np.flatnonzero(rows))
+    table = benchmark.outcomes.filter(estimator="b", gripper="u").sort("im_id")
+    assert_array_equal(tried.own_success, table["success"].to_numpy()[rows])
+    assert not tried.has_truth.any()
+    own = benchmark.tried("b", "u", rows, simulated=True)
+    assert (own.own_success != tried.own_success).any()
+
+
+def test_simulated_outcomes_in_place_of_the_published() -> None:
+    benchmark = synthetic.benchmark({})
+    every = np.full(len(benchmark), True)
+    replaced = benchmark.with_simulated_outcomes().tried("a", "p", every)
+    assert_array_equal(
+        replaced.own_success, benchmark.tried("a", "p", every, simulated=True).own_success
+    )
+    with pytest.raises(InputError, match="outcomes of your own simulated trials are needed"):
+        synthetic.benchmark({}, simulated=False).with_simulated_outcomes()
+
+
+def test_the_digest_covers_what_a_prediction_depends_on() -> None:
+    benchmark = synthetic.benchmark({})
+    fewer = dataclasses.replace(benchmark, outcomes=benchmark.outcomes[1:], _joined={})
+    without = synthetic.benchmark({}, simulated=False)
+    digest = benchmark.digest(own_trials=False)
+    assert len({digest, benchmark.digest(own_trials=True), fewer.digest(own_trials=False)}) == 3
+    assert without.digest(own_trials=False) == digest
+    assert without.digest(own_trials=True) == digest
 
 
 def test_an_instance_without_ground_truth_is_named(data: Published) -> None:
