@@ -294,7 +294,8 @@ def test_training_works_where_nothing_can_be_cached(tmp_path: Path) -> None:
     (tmp_path / "src/graspcast/forecasting/models/mlp/__pycache__").touch()
     program = (
         "import numpy as np\n"
-        "from graspcast.forecasting.models.mlp.train import *\n"
+        "from graspcast.forecasting.models.mlp.train import train\n"
+        "from graspcast.forecasting.models.mlp.types import MlpSettings, Problem\n"
         "x = np.linspace(-1, 1, 30)[:, None]\n"
         "print(train([Problem(x, x[:, 0] > 0)], MlpSettings(epochs=2))[0].last.epoch)\n"
     )
