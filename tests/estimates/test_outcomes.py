@@ -17,6 +17,8 @@ from graspcast.estimates.outcomes import (
     ERROR_COLUMNS,
     TRIAL_COLUMNS,
     error_numbers,
+    errors_of_each,
+    read_all_outcomes,
     read_error_outcomes,
     read_outcomes,
     success_of_each,
@@ -252,3 +254,23 @@ def test_the_former_name_of_est_id_is_read(tmp_path: Path) -> None:
     both = write(tmp_path / "b.csv", "a,lmo,2,3,1,hand,1,4,4", header=HEADER + ",inst_id,est_id")
     with pytest.raises(FormatError, match="has both est_id and inst_id"):
         read_outcomes(both)
+
+
+def test_stored_errors_are_read_back_with_their_outcomes(tmp_path: Path) -> None:
+    errors = random_poses(3, 5)
+    table = INSTANCES.frame().with_columns(
+        estimator=pl.lit("a"), gripper=pl.lit("hand"), success=pl.Series([1, 0, 1])
+    )
+    columns = dict(zip(ERROR_COLUMNS, error_numbers(errors).T.tolist(), strict=True))
+    write_table(
+        tmp_path / "a.parquet", table.with_columns(**{k: pl.Series(v) for k, v in columns.items()})
+    )
+    outcomes = read_outcomes(tmp_path / "a.parquet")
+    turned = INSTANCES.select(np.array([2, 0, 1]))
+    assert success_of_each(turned, outcomes, "a", "hand").tolist() == [1, 1, 0]
+    assert_allclose(errors_of_each(turned, outcomes, "a", "hand"), errors[[2, 0, 1]], atol=1e-9)
+    assert np.isnan(errors_of_each(turned, outcomes, "b", "hand")).all()
+    write_table(tmp_path / "b.parquet", table.with_columns(estimator=pl.lit("b")))
+    both = read_all_outcomes([tmp_path / "a.parquet", tmp_path / "b.parquet"])
+    assert np.isnan(errors_of_each(turned, both, "b", "hand")).all()
+    assert success_of_each(turned, both, "b", "hand").tolist() == [1, 1, 0]

@@ -29,6 +29,7 @@ __all__ = [
     "TRIAL_COLUMNS",
     "TRIAL_SCHEMA",
     "error_numbers",
+    "errors_of_each",
     "join_outcomes",
     "read_all_outcomes",
     "read_error_outcomes",
@@ -70,8 +71,9 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
 
     Returns
     -------
-        The columns of :data:`TRIAL_COLUMNS` and ``success`` (0 or 1); further columns are left out.
-        ``est_id`` is null where the file does not state it.
+        The columns of :data:`TRIAL_COLUMNS`, ``success`` (0 or 1) and, if the file has them all,
+        :data:`ERROR_COLUMNS`; further columns are left out. ``est_id`` is null where the file does
+        not state it.
 
     Raises
     ------
@@ -84,6 +86,8 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
         raise FormatError(path, "has both est_id and inst_id, its former name; leave one out")
     frame = frame.rename({"inst_id": "est_id"}, strict=False)
     kinds = {**TRIAL_SCHEMA, "success": pl.Int64}
+    if set(ERROR_COLUMNS) <= set(frame.columns):
+        kinds |= dict.fromkeys(ERROR_COLUMNS, pl.Float64)
     missing = [name for name in kinds if name not in frame.columns and name not in _OPTIONAL]
     if missing:
         raise FormatError(
@@ -136,7 +140,7 @@ def read_all_outcomes(paths: Iterable[str | PathLike[str]]) -> pl.DataFrame:
         If two of them hold the same trial.
     """
     paths = list(paths)
-    table = pl.concat([read_outcomes(path) for path in paths])
+    table = pl.concat([read_outcomes(path) for path in paths], how="diagonal")
     twice = table.filter(table.select(TRIAL_COLUMNS).is_duplicated())
     if len(twice):
         raise InputError(
@@ -157,7 +161,8 @@ def join_outcomes(keys: pl.DataFrame, outcomes: pl.DataFrame) -> pl.DataFrame:
 
     Returns
     -------
-        The rows of ``keys``, in their order, with ``success``: 1, 0, or null without an outcome.
+        The rows of ``keys``, in their order, with ``success``: 1, 0, or null without an outcome;
+        and with :data:`ERROR_COLUMNS` where the outcomes have them.
 
     Raises
     ------
@@ -166,7 +171,8 @@ def join_outcomes(keys: pl.DataFrame, outcomes: pl.DataFrame) -> pl.DataFrame:
         one image, so that an outcome could be of any of them.
     """
     on = TRIAL_COLUMNS
-    tried = with_optional(outcomes).select(*on, "success")
+    errors = [name for name in ERROR_COLUMNS if name in outcomes.columns]
+    tried = with_optional(outcomes).select(*on, "success", *errors)
     unstated = tried.filter(pl.col("est_id").is_null())
     if len(unstated):
         several = keys.filter(pl.col("est_id") > 0).join(
@@ -212,11 +218,32 @@ def success_of_each(
     MismatchError
         As :func:`join_outcomes`.
     """
-    trials = instances.frame().with_columns(
-        estimator=pl.lit(estimator), gripper=pl.lit(gripper), grasp=pl.lit(grasp)
-    )
-    found = join_outcomes(trials, outcomes)["success"]
+    found = _joined(instances, outcomes, estimator, gripper, grasp)["success"]
     return found.cast(pl.Float64).fill_null(float("nan")).to_numpy()
+
+
+def errors_of_each(
+    instances: Instances, outcomes: pl.DataFrame, estimator: str, gripper: str
+) -> Float[ndarray, "n 4 4"]:
+    """Return the error that guided the trial of each instance, where the outcomes state it.
+
+    Parameters
+    ----------
+    instances, outcomes, estimator, gripper
+        As for :func:`success_of_each`.
+
+    Returns
+    -------
+        ``obj_T_est``, NaN where it is not stated, (n, 4, 4).
+    """
+    out = np.full((len(instances), 4, 4), np.nan)
+    if not set(ERROR_COLUMNS) <= set(outcomes.columns):
+        return out
+    found = _joined(instances, outcomes, estimator, gripper, REFERENCE_GRASP)
+    numbers = found.select(pl.col(ERROR_COLUMNS).fill_null(float("nan"))).to_numpy()
+    stated = np.isfinite(numbers).all(axis=1)
+    out[stated] = _errors(numbers[stated])
+    return out
 
 
 def error_numbers(obj_T_est: Float[ndarray, "n 4 4"]) -> Float[ndarray, "n 6"]:
@@ -262,7 +289,20 @@ def read_error_outcomes(
     ).to_series().to_numpy().astype(bool)
     if bad.any():
         raise FormatError(path, "an empty field", where=f"row {int(np.argmax(bad)) + 1}")
-    return table, transform(rotation_from_vector(numbers[:, 3:]), numbers[:, :3])
+    return table, _errors(numbers)
+
+
+def _errors(numbers: Float[ndarray, "n 6"]) -> Float[ndarray, "n 4 4"]:
+    return transform(rotation_from_vector(numbers[:, 3:]), numbers[:, :3])
+
+
+def _joined(
+    instances: Instances, outcomes: pl.DataFrame, estimator: str, gripper: str, grasp: str
+) -> pl.DataFrame:
+    trials = instances.frame().with_columns(
+        estimator=pl.lit(estimator), gripper=pl.lit(gripper), grasp=pl.lit(grasp)
+    )
+    return join_outcomes(trials, outcomes)
 
 
 def with_optional(frame: pl.DataFrame) -> pl.DataFrame:

@@ -13,7 +13,12 @@ from numpy import ndarray
 
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
-from graspcast.estimates.outcomes import read_error_outcomes, success_of_each, with_optional
+from graspcast.estimates.outcomes import (
+    errors_of_each,
+    read_error_outcomes,
+    success_of_each,
+    with_optional,
+)
 
 __all__ = ["SimulatedTrials", "TrainingData"]
 
@@ -89,6 +94,10 @@ class TrainingData:
         the estimators' order.
     simulated
         Simulated trials of the gripper, or None.
+    obj_T_est
+        The error that guided each of these grasps, ``inv(cam_T_gt) @ cam_T_est``, where the
+        outcomes state it (a campaign's do), NaN elsewhere, (K, n, 4, 4), or None. Where it is not
+        stated it is derived from the true poses.
     """
 
     estimates: Estimates
@@ -97,6 +106,7 @@ class TrainingData:
     truth: Float[ndarray, "n 4 4"]
     success: Float[ndarray, "k n"]
     simulated: SimulatedTrials | None = None
+    obj_T_est: Float[ndarray, "k n 4 4"] | None = None
 
     @classmethod
     def join(
@@ -138,6 +148,7 @@ class TrainingData:
         """
         estimates.index(principal)
         success = np.full((len(estimates.estimators), len(estimates)), np.nan)
+        errors = np.full((*success.shape, 4, 4), np.nan)
         if outcomes is not None:
             _check_gripper(outcomes, gripper)
             image = ["dataset", "scene_id", "im_id", "obj_id"]
@@ -146,9 +157,10 @@ class TrainingData:
             for k, name in enumerate(estimates.estimators):
                 table = outcomes if name == principal else alone
                 success[k] = success_of_each(estimates.instances, table, name, gripper)
+                errors[k] = errors_of_each(estimates.instances, table, name, gripper)
         if truth is None:
             truth = np.full((len(estimates), 4, 4), np.nan)
-        data = cls(estimates, principal, gripper, truth, success, simulated)
+        data = cls(estimates, principal, gripper, truth, success, simulated, errors)
         if outcomes is not None and not data.is_tried.any():
             known = outcomes.select("estimator", "dataset").unique().sort("estimator", "dataset")
             pairs = ", ".join(f"{e} on {d}" for e, d in known.rows())
@@ -205,6 +217,7 @@ class TrainingData:
             estimates=self.estimates.select(which),
             truth=self.truth[which],
             success=self.success[:, which],
+            obj_T_est=None if self.obj_T_est is None else self.obj_T_est[:, which],
         )
 
     def only(self, *estimators: str) -> TrainingData:
@@ -222,7 +235,12 @@ class TrainingData:
                 f"{self.principal} is the principal, but not among {', '.join(estimators)}"
             )
         rows = [self.estimates.index(name) for name in estimators]
-        return replace(self, estimates=self.estimates.only(*estimators), success=self.success[rows])
+        return replace(
+            self,
+            estimates=self.estimates.only(*estimators),
+            success=self.success[rows],
+            obj_T_est=None if self.obj_T_est is None else self.obj_T_est[rows],
+        )
 
 
 def _check_gripper(outcomes: pl.DataFrame, gripper: str) -> None:

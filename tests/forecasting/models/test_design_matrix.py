@@ -13,7 +13,7 @@ from graspcast.bop.models import Models
 from graspcast.estimates.instances import scene_groups
 from graspcast.forecasting.features import consensus_features
 from graspcast.forecasting.models.design_matrix import DesignMatrix
-from poses import write_models
+from poses import random_poses, write_models
 
 
 @pytest.fixture(scope="module")
@@ -77,3 +77,17 @@ def test_other_objects_have_number_minus_one_and_their_simulated_trials_are_left
     assert_array_equal(poses, trials.obj_T_est[5:])
     assert_array_equal(success, trials.success[5:])
     assert not numbers.any()
+
+
+def test_stored_errors_are_used_instead_of_derived_ones(models: dict[str, Models]) -> None:
+    """Of several true instances a campaign's matching may have taken another one."""
+    data = synthetic.training_data(24)
+    stored = np.full((3, 24, 4, 4), np.nan)
+    stored[1, :10] = random_poses(10, 4)
+    stored[1, :10, :3, :3] = np.eye(3)  # no symmetry turns it nearer
+    matrix = DesignMatrix.of(dataclasses.replace(data, obj_T_est=stored), ("d-1", "d-2"), models)
+    derived = DesignMatrix.of(data, ("d-1", "d-2"), models)
+    assert_allclose(matrix.obj_T_est[1, :10], stored[1, :10], atol=1e-12)
+    assert_array_equal(matrix.obj_T_est[1, 10:], derived.obj_T_est[1, 10:])
+    assert_array_equal(matrix.obj_T_est[[0, 2]], derived.obj_T_est[[0, 2]])
+    assert_array_equal(matrix.truth[[0, 2]], derived.truth[[0, 2]])

@@ -84,22 +84,22 @@ class DesignMatrix:
         )
         names: tuple[str, ...] = ()
         features, truths, errors = [], [], []
-        for name in estimates.estimators:
+        stored = training_data.obj_T_est
+        for k, name in enumerate(estimates.estimators):
             found = consensus_features(estimates, name, which="full", models=models)
             names = found.names if name == training_data.principal else names
             features.append(found.values)
             poses = estimates.of(name)
-            est_T_true = nearest_truth(
-                compose(invert(poses), training_data.truth),
-                estimates.dataset,
-                estimates.obj_id,
-                models,
-            )
+            est_T_true = compose(invert(poses), training_data.truth)
+            if stored is not None:
+                # A campaign's own error, not one derived again by another matching.
+                stated = np.isfinite(stored[k]).all(axis=(1, 2))
+                est_T_true[stated] = invert(stored[k][stated])
+            est_T_true = nearest_truth(est_T_true, estimates.dataset, estimates.obj_id, models)
+            known = np.isfinite(est_T_true).all(axis=(1, 2))
             near = compose(poses, est_T_true)
             truths.append(np.full((len(near), 6), np.nan))
-            truths[-1][training_data.has_truth] = relative(
-                poses[training_data.has_truth], near[training_data.has_truth]
-            )
+            truths[-1][known] = relative(poses[known], near[known])
             errors.append(invert(est_T_true))
         simulated = None
         if training_data.simulated is not None:
