@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_array_equal
 
-from graspcast.bop.results import COLUMNS, dataset_of, read_results, write_results
+from graspcast.bop.results import (
+    COLUMNS,
+    dataset_of,
+    read_results,
+    score_order,
+    write_results,
+)
 from graspcast.bop.units import metres, millimetres
 from graspcast.errors import FormatError, GraspcastError
 from poses import ROW, nudged, random_poses, results_of, write_csv
@@ -170,3 +177,21 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
         write_results(path, broken)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_score_order_ignores_the_order_of_the_rows() -> None:
+    poses = random_poses(60)
+    poses[10:20, :3, 3] = poses[10, :3, 3]  # ten that differ in the rotation only
+    poses[20:30, 2, 3] = 0.5  # ten that differ in t_x, t_y
+    results = replace(results_of(poses), score=np.repeat([0.3, 0.9, 0.5], 20))
+    order = score_order(results)
+    assert (np.diff(results.score[order]) <= 0).all()
+    shuffled = results.select(np.random.default_rng(1).permutation(60))
+    assert_array_equal(shuffled.cam_T_obj[score_order(shuffled)], poses[order])
+
+
+def test_score_order_takes_the_nearer_of_two_equal_scores_first() -> None:
+    poses = np.tile(np.eye(4), (4, 1, 1))
+    poses[:, :3, 3] = [[0, 0, 2], [1, 0, 1], [0, 1, 1], [0, 0, 1]]
+    results = replace(results_of(poses), score=np.ones(4))
+    assert score_order(results).tolist() == [3, 2, 1, 0]

@@ -24,7 +24,14 @@ from graspcast.errors import FormatError
 from graspcast.io.files import write_text
 from graspcast.pose.transforms import is_identity, project_to_rotation, transform
 
-__all__ = ["Results", "checked_rotations", "dataset_of", "read_results", "write_results"]
+__all__ = [
+    "Results",
+    "checked_rotations",
+    "dataset_of",
+    "read_results",
+    "score_order",
+    "write_results",
+]
 
 COLUMNS = ("scene_id", "im_id", "obj_id", "score", "R", "t", "time")
 MAX_ROTATION_DEVIATION = 0.02
@@ -73,6 +80,28 @@ class Results:
         """Some of the rows, by mask or by number."""
         names = ("scene_id", "im_id", "obj_id", "score", "cam_T_obj", "time_s", "line")
         return replace(self, **{name: getattr(self, name)[which] for name in names})
+
+
+def score_order(results: Results) -> Int[ndarray, "n"]:
+    """Sort detections by decreasing score, ties by pose.
+
+    Rows with equal scores are sorted by the pose: smaller t_z first (the nearer object), then t_x,
+    t_y, then the nine entries of the rotation matrix, row by row. So the order of the rows in the
+    file does not matter, except between rows with the same score and the same pose.
+
+    Parameters
+    ----------
+    results
+        The detections.
+
+    Returns
+    -------
+    Row numbers, the highest score first, (n,).
+    """
+    x, y, z = results.cam_T_obj[:, :3, 3].T
+    rotation = results.cam_T_obj[:, :3, :3].reshape(-1, 9)
+    # The last key of lexsort is the first to be compared.
+    return np.lexsort((*rotation.T[::-1], y, x, z, -results.score))
 
 
 def dataset_of(path: str | PathLike[str]) -> str | None:
