@@ -6,7 +6,6 @@ Format: https://bop.felk.cvut.cz/challenges/bop-challenge-2022/ (Section 5.1), a
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -19,8 +18,7 @@ from numpy import ndarray
 
 from graspcast.bop.dataset import BopDataset, Target
 from graspcast.errors import FormatError, InputError
-from graspcast.io.files import write_text
-from graspcast.io.json import identifier, numbers, read_json, require
+from graspcast.io.json import identifier, numbers, read_json, require, write_json
 
 __all__ = ["Detections", "jittered", "read_detections", "write_detections"]
 
@@ -197,20 +195,18 @@ def write_detections(path: str | PathLike[str], detections: Detections) -> None:
     """Write a BOP detections file; :func:`read_detections` gives the very same numbers back."""
     maker = {"detector": detections.detector} if detections.detector else {}
     entries = [
-        json.dumps(
-            {
-                "scene_id": int(detections.scene_id[i]),
-                "image_id": int(detections.im_id[i]),
-                "category_id": int(detections.obj_id[i]),
-                "score": float(detections.score[i]),
-                "bbox": detections.box_xywh[i].tolist(),
-                "time": -1.0,
-                **maker,
-            }
-        )
+        {
+            "scene_id": int(detections.scene_id[i]),
+            "image_id": int(detections.im_id[i]),
+            "category_id": int(detections.obj_id[i]),
+            "score": float(detections.score[i]),
+            "bbox": detections.box_xywh[i].tolist(),
+            "time": -1.0,
+            **maker,
+        }
         for i in range(len(detections))
     ]
-    write_text(path, "[\n" + ",\n".join(entries) + "\n]\n" if entries else "[]\n")
+    write_json(path, entries, one_entry_a_line=True)
 
 
 def jittered(

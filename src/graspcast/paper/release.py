@@ -9,7 +9,6 @@ are among the targets, but not in ``scene_gt.json``.
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -24,7 +23,7 @@ from numpy import ndarray
 from graspcast.bop.results import Results, write_results
 from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError, InputError
-from graspcast.io.files import write_text
+from graspcast.io.json import write_json
 from graspcast.io.tables import write_table
 
 __all__ = ["Imported", "import_release", "read_add_differences", "read_release"]
@@ -250,7 +249,7 @@ def _write(out: Path, name: str, data: _Dataset) -> Imported:
     )
     write_table(folder / "visibility.csv", visibility)
     targets = [{"im_id": i, "inst_count": 1, "obj_id": o, "scene_id": s} for s, i, o in truth]
-    write_text(folder / "targets_all_gt.json", json.dumps(targets))
+    write_json(folder / "targets_all_gt.json", targets, one_entry_a_line=True)
     _write_ground_truth(folder / "ground_truth", truth)
     counts = {e: len(rows) for e, rows in sorted(data.estimates.items())}
     unseen = sum(instance.cam_T_gt is None for instance in truth.values())
@@ -286,5 +285,6 @@ def _write_ground_truth(folder: Path, truth: dict[Key, _Instance]) -> None:
         seen = {"visib_fract": instance.visib_fract, "bbox_obj_xyxy": instance.bbox}
         info.setdefault(scene, {}).setdefault(str(image), []).append(seen)
     for scene in poses:
-        write_text(folder / f"{scene:06d}" / "scene_gt.json", json.dumps(poses[scene]))
-        write_text(folder / f"{scene:06d}" / "scene_gt_info.json", json.dumps(info[scene]))
+        scene_folder = folder / f"{scene:06d}"
+        write_json(scene_folder / "scene_gt.json", poses[scene], one_entry_a_line=True)
+        write_json(scene_folder / "scene_gt_info.json", info[scene], one_entry_a_line=True)

@@ -5,7 +5,6 @@ Layout: https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_form
 
 from __future__ import annotations
 
-import json
 import platform
 import re
 import shutil
@@ -28,6 +27,7 @@ from graspcast.bop.meshes import read_coloured_mesh
 from graspcast.bop.models import Models
 from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError, InputError
+from graspcast.io.json import read_json, write_json
 from graspcast.pose.transforms import invert
 from graspcast.rendering.synthetic.camera import INTRINSICS, View, random_view
 from graspcast.rendering.synthetic.renderer import Frame, Renderer
@@ -170,7 +170,7 @@ def _write(
     progress: Callable[[float, str], None] | None,
 ) -> None:
     (root / "models").mkdir(parents=True)
-    info = json.loads((models / "models_info.json").read_text(encoding="utf-8-sig"))
+    info = read_json(models / "models_info.json", dict)
     _dump(root / "models" / "models_info.json", {str(k): info[str(k)] for k in meshes})
     for obj_id in meshes:
         name = f"obj_{obj_id:06d}.ply"
@@ -292,10 +292,4 @@ def _save(stem: Path, rgb: UInt8[ndarray, "h w 3"], settings: RenderSettings) ->
 
 
 def _dump(path: Path, content: Any) -> None:
-    """JSON with one entry of the top level a line, as BOP has it."""
-    if isinstance(content, dict):
-        lines = [f"{json.dumps(k)}: {json.dumps(v)}" for k, v in content.items()]
-        text = "{\n  " + ",\n  ".join(lines) + "\n}\n"
-    else:
-        text = "[\n  " + ",\n  ".join(json.dumps(v) for v in content) + "\n]\n"
-    path.write_text(text, encoding="utf-8", newline="\n")
+    write_json(path, content, one_entry_a_line=True)

@@ -7,7 +7,6 @@ its own, so that objects can be told apart and every orientation of each looks d
 from __future__ import annotations
 
 import colorsys
-import json
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
@@ -21,7 +20,7 @@ from scipy.spatial.distance import pdist
 from graspcast.bop.meshes import Mesh, write_mesh
 from graspcast.bop.units import millimetres
 from graspcast.errors import UnknownNameError
-from graspcast.io.files import write_text
+from graspcast.io.json import write_json
 from graspcast.simulation.objects.catalogue import read_catalogue
 from graspcast.simulation.objects.load import load_mesh
 
@@ -120,7 +119,7 @@ def write_painted_models(
         number = int(entry.obj_id or 0)
         write_mesh(Path(directory) / f"obj_{number:06d}.ply", mesh, paint(mesh, PAINTED[name]))
         info[number] = _info(mesh.vertices)
-    write_text(Path(directory) / "models_info.json", json.dumps(info, indent=2) + "\n")
+    write_json(Path(directory) / "models_info.json", info)
     return tuple(info)
 
 

@@ -19,7 +19,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -29,6 +28,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
+from graspcast.io.toml import read_toml
 from graspcast.pose.transforms import transform
 from graspcast.simulation.grippers.protocol import Closing, Equilibrium
 
@@ -97,12 +97,7 @@ class MjcfGripper:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FormatError(path, f"is not TOML: {error}") from error
+    table = read_toml(path)
     for key in table:
         if key not in _KEYS:
             raise UnknownNameError("key", key, _KEYS, hint=f"It is in {path}.")
