@@ -11,10 +11,10 @@ __all__ = ["cache_directory"]
 
 
 def cache_directory() -> Path:
-    """Return the cache directory: ``GRASPCAST_CACHE``, or the platform's user cache.
+    r"""Return the cache directory: ``GRASPCAST_CACHE``, or the platform's user cache.
 
     By default ``~/.cache/graspcast`` on Linux (``XDG_CACHE_HOME`` is respected),
-    ``~/Library/Caches/graspcast`` on macOS, ``%LOCALAPPDATA%\\\\graspcast\\\\Cache`` on Windows.
+    ``~/Library/Caches/graspcast`` on macOS, ``%LOCALAPPDATA%\graspcast\Cache`` on Windows.
     """
     if chosen := os.environ.get("GRASPCAST_CACHE"):
         return Path(chosen)

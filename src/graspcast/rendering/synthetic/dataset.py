@@ -22,7 +22,7 @@ from numpy import ndarray
 
 from graspcast._version import __version__
 from graspcast.bop.dataset import BopDataset
-from graspcast.bop.detections import MIN_VISIBLE_SHARE, jittered, write_detections
+from graspcast.bop.detections import MIN_VISIBLE_FRACTION, jittered, write_detections
 from graspcast.bop.meshes import read_coloured_mesh
 from graspcast.bop.models import Models
 from graspcast.bop.units import millimetres
@@ -200,7 +200,7 @@ def _write(
                 targets += [
                     {"im_id": image, "inst_count": 1, "obj_id": i["obj_id"], "scene_id": scene}
                     for i, v in instances
-                    if v["visib_fract"] >= MIN_VISIBLE_SHARE
+                    if v["visib_fract"] >= MIN_VISIBLE_FRACTION
                 ]
             _dump(folder / "scene_gt.json", truth)
             _dump(folder / "scene_gt_info.json", seen)
