@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull
 from graspcast.bop.meshes import read_coloured_mesh
 from graspcast.bop.models import Models
 from graspcast.io.files import atomic_write
-from graspcast.perception.crops import Crop, cut
+from graspcast.perception.crops import Crop, resample
 from graspcast.pose.transforms import invert, transform_points
 from graspcast.rendering.synthetic.camera import INTRINSICS, random_view
 from graspcast.rendering.synthetic.renderer import Frame, Renderer
@@ -102,7 +102,7 @@ def _samples(frame: Frame, objects: Objects, hulls: dict) -> Iterator[dict]:
         coordinates = np.zeros((CELLS, CELLS, 3), dtype=np.uint8)
         coordinates[mask] = np.clip(np.rint(255 * (points - info.lower) / info.size), 0, 255)
         yield {
-            "image": cut(frame.rgb, crop, PIXELS),
+            "image": resample(frame.rgb, crop, PIXELS),
             "coordinates": coordinates,
             "mask": mask,
             "object": np.int64(k),

@@ -167,7 +167,7 @@ def test_jitter_needs_boxes_of_visible_instances(dataset: BopDataset) -> None:
         jittered(BopDataset(dataset.root), 0, targets=[Target(1, 8)])
     for info_path in dataset.scenes.glob("*/scene_gt_info.json"):
         info_path.unlink()
-    with pytest.raises(InputError, match="states a bbox_obj"):
+    with pytest.raises(InputError, match="has a bbox_obj"):
         jittered(BopDataset(dataset.root), 0)
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from graspcast.perception.crops import Crop
-from graspcast.perception.dense import DenseEstimator, _expected
+from graspcast.perception.dense import DenseEstimator, expected_coordinates
 from graspcast.perception.direct import DirectEstimator
-from graspcast.perception.keypoints import KeypointEstimator, _peaks
+from graspcast.perception.keypoints import KeypointEstimator, heat_map_peaks
 from graspcast.perception.network import CropEstimator, TrainedObject
 from graspcast.perception.pnp import pose_from_points
 from graspcast.pose.transforms import rotation_angle, transform_points
@@ -105,20 +105,20 @@ def test_nothing_shown_is_nothing_found() -> None:
 def test_a_cell_of_two_minds_takes_the_likelier_not_the_middle() -> None:
     logits = np.full((3, BINS, 1), -20.0)
     logits[:, 2], logits[:, 13] = 0.0, -0.1
-    np.testing.assert_allclose(_expected(logits), 2 / (BINS - 1), atol=1e-6)
+    np.testing.assert_allclose(expected_coordinates(logits), 2 / (BINS - 1), atol=1e-6)
 
 
 def test_the_last_bin_counts_once() -> None:
     logits = np.full((3, BINS, 2), -20.0)
     logits[:, 0, 0] = logits[:, BINS - 1, 1] = 0.0
-    np.testing.assert_allclose(_expected(logits)[0], [0.0, 1.0], atol=1e-6)
+    np.testing.assert_allclose(expected_coordinates(logits)[0], [0.0, 1.0], atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_direct_says_what_crop_terms_mean(seed: int) -> None:
     pose = random_poses(1, seed, depth_m=0.8)[0]
     crop = crop_around(pose)
-    rotation, site = crop.terms(pose, K, TRAINED.diameter_m)
+    rotation, site = crop.encode_pose(pose, K, TRAINED.diameter_m)
     # Of any length, and the second row not quite at right angles.
     second = 0.7 * rotation[1] + 0.2 * rotation[0]
     answer = np.concatenate([3 * rotation[0], second, site])
@@ -139,10 +139,10 @@ def heat(places: np.ndarray, cells: int = 32) -> np.ndarray:
 
 def test_peaks_are_found_between_cells() -> None:
     places = np.random.default_rng(1).uniform(-0.4, 0.4, (20, 2))
-    found, sure = _peaks(heat(places))
+    found, sure = heat_map_peaks(heat(places))
     np.testing.assert_allclose(found, places, atol=0.1 / 32)
     assert (sure > 0.9).all()
-    _, flat = _peaks(np.zeros((1, 32, 32)))
+    _, flat = heat_map_peaks(np.zeros((1, 32, 32)))
     assert flat[0] < 0.03
 
 

@@ -136,7 +136,7 @@ def test_the_verb_runs_an_estimator_of_ours(
 @pytest.mark.parametrize(
     ("estimator", "more", "says"),
     [
-        ("dens", [], r"'dens' \(did you mean 'dense'\?\); known: .*An own one is a command"),
+        ("dens", [], r"'dens' \(did you mean 'dense'\?\); known: .*Other estimators are commands"),
         ("run {bop}", [], "no {out}, the file to which"),
         ("run {out}", ["--weights", "a.onnx"], "--weights is for a built-in estimator"),
         ("dense", ["--timeout", "5"], "--timeout is for a command; dense is built in"),

@@ -81,7 +81,7 @@ def test_terms_are_those_that_the_estimators_undo(objects: Objects) -> None:
     for k in range(len(batch.obj)):
         crop = Crop(*batch.crop[k].double().tolist())
         pose = raw()["cam_T_obj"][k].numpy()  # type: ignore[index]
-        rotation, site = crop.terms(pose, K, float(np.linalg.norm(SIZE)))
+        rotation, site = crop.encode_pose(pose, K, float(np.linalg.norm(SIZE)))
         np.testing.assert_allclose(batch.rotation[k], rotation, atol=1e-5)
         np.testing.assert_allclose(batch.site[k], site, atol=1e-4)
 
