@@ -323,7 +323,7 @@ def test_import_release_says_what_it_found(
 ) -> None:
     release = data_dir / "raw" / "Consensus-Driven-Uncertainty"
     assert main(["import-release", str(release), str(tmp_path / "out")]) == 0
-    assert "trials 10696; instances 4125, of which 4 without a pose" in capsys.readouterr().out
+    assert "trials 10696; instances 4125, 4 of them without a pose" in capsys.readouterr().out
 
 
 def test_every_verb_explains_itself() -> None:

@@ -63,7 +63,7 @@ def relative(
 
 
 def compressed(by: Float[ndarray, "*batch 6"]) -> Float[ndarray, "*batch 6"]:
-    """Divide the numbers of :func:`relative` by typical magnitudes, and compress large ones by log1p."""
+    """Scale the numbers of :func:`relative` by typical magnitudes, large ones logarithmically."""
     scaled = by / _SPREAD
     return np.sign(scaled) * np.log1p(np.abs(scaled))
 
