@@ -310,7 +310,7 @@ def test_directories_that_are_not_what_they_should_be(
     assert "no published/lmo/trials.csv here" in refused(
         ["reproduce", "--data", str(tmp_path)], capsys
     )
-    assert "no folder Pose-Estimates here" in refused(
+    assert "no folder Pose-Estimates" in refused(
         ["import-release", str(tmp_path), str(tmp_path / "out")], capsys
     )
     path = write_csv(tmp_path / "a_x-test.csv", ROW)

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.bop.dataset import BopDataset, Target
+from graspcast.bop.dataset import BopDataset, GroundTruth, Target
 from graspcast.bop.summary import summary
 from graspcast.errors import FormatError, InputError
 from graspcast.io.json import identifier, numbers, read_json, require, write_json
@@ -265,13 +265,7 @@ def jittered(
     keep &= (truth.box_xywh[:, 2:] > 0).all(axis=1)  # neither unknown nor out of the image
     chosen = np.flatnonzero(keep)
     boxes = truth.box_xywh[chosen]
-    earlier: Counter[tuple[int, int, int]] = Counter()
-    number = []  # of each instance among those of its object in its image
-    for key in zip(
-        truth.scene_id.tolist(), truth.im_id.tolist(), truth.obj_id.tolist(), strict=True
-    ):
-        number.append(earlier[key])
-        earlier[key] += 1
+    number = _numbers_in_image(truth)
     for box, i in zip(boxes, chosen, strict=True):
         numbers_of = (truth.scene_id[i], truth.im_id[i], truth.obj_id[i], number[i])
         draw = np.random.default_rng([seed, *map(int, numbers_of)]).uniform(-1, 1, 4)
@@ -292,3 +286,15 @@ def jittered(
         source=truth.source,
         detector=f"jittered ground truth, seed {seed}, not a detector",
     )
+
+
+def _numbers_in_image(truth: GroundTruth) -> list[int]:
+    """Count each instance among those of its object in its image, from 0."""
+    earlier: Counter[tuple[int, int, int]] = Counter()
+    out = []
+    for key in zip(
+        truth.scene_id.tolist(), truth.im_id.tolist(), truth.obj_id.tolist(), strict=True
+    ):
+        out.append(earlier[key])
+        earlier[key] += 1
+    return out

@@ -20,9 +20,9 @@ def add(verbs: Verbs) -> None:
         _render,
         "render a synthetic BOP dataset of objects on tables",
         "Simulate objects and clutter that fall on a table, and render the table from random\n"
-        "views in random light: a BOP dataset with images, ground truth, visibility, cameras, targets\n"
-        "and models. The objects are those of any BOP directory of models, or six of the YCB set\n"
-        "with procedural colours.",
+        "views in random light: a BOP dataset with images, ground truth, visibility, cameras,\n"
+        "targets and models. The objects are those of any BOP directory of models, or six of the\n"
+        "YCB set with procedural colours.",
     )
     verb.add_argument(
         "--models",

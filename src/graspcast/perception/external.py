@@ -94,23 +94,7 @@ def run_command(
         If it cannot be started, times out, or its exit code is not 0; with the last lines of its
         standard error.
     """
-    own_group: dict[str, Any] = {"start_new_session": True}
-    if sys.platform == "win32":
-        own_group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
-    try:
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            encoding="utf-8",
-            errors="replace",
-            **own_group,
-        )
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise EstimatorFailedError(command, f"cannot be started ({reason})") from error
+    process = _start(command)
     last: deque[str] = deque(maxlen=_QUOTED_LINES)
 
     def forward(stream: TextIOBase, keep: bool) -> None:
@@ -143,6 +127,27 @@ def run_command(
             reader.join(_GRACE_S)
     if problem:
         raise EstimatorFailedError(command, problem, list(last), parameters=parameters)
+
+
+def _start(command: Sequence[str]) -> subprocess.Popen[str]:
+    """Start a command in a process group of its own."""
+    own_group: dict[str, Any] = {"start_new_session": True}
+    if sys.platform == "win32":
+        own_group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+    try:
+        return subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
+            **own_group,
+        )
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise EstimatorFailedError(command, f"cannot be started ({reason})") from error
 
 
 @contextmanager

@@ -79,29 +79,39 @@ def run_estimator(
             parameters=("lenient",),
         )
     with _temporary(Path(out)) as written:
-        images = detections.select(known).images()
-        parts = []
-        for i, (key, seen) in enumerate(images.items()):
-            if progress:
-                progress(i / len(images), "image {}/{}".format(*key))
-            image, camera = dataset.image(*key), dataset.camera_of(*key)
-            start = time.perf_counter()
-            poses = estimator.estimate(image, camera.K, seen)
-            took = time.perf_counter() - start
-            found = ~is_identity(poses.cam_T_obj)
-            rows = (seen.scene_id[found], seen.im_id[found], seen.obj_id[found])
-            seconds = np.full(len(rows[0]), took)
-            parts.append((*rows, poses.score[found], poses.cam_T_obj[found], seconds))
-        if not parts:
-            raise InputError(f"{detections.source}: no detection that {estimator.name} could use")
-        scene_id, im_id, obj_id, score, cam_T_obj, time_s = map(
-            np.concatenate, zip(*parts, strict=True)
-        )
-        line = np.zeros(len(obj_id), dtype=np.int64)
-        table = Results(scene_id, im_id, obj_id, score, cam_T_obj, time_s, line)
-        write_results(written, table)
+        found = _estimate(estimator, dataset, detections.select(known), progress)
+        write_results(written, found)
         results = _accept(written, Path(out), dataset, detections)
     return _counted(results, {"object that the estimator does not know": ~known})
+
+
+def _estimate(
+    estimator: Estimator,
+    dataset: BopDataset,
+    detections: Detections,
+    progress: Callable[[float, str], None] | None,
+) -> Results:
+    """Run an estimator on every image with detections; drop placeholders."""
+    images = detections.images()
+    if not images:
+        raise InputError(f"{detections.source}: no detection that {estimator.name} could use")
+    parts = []
+    for i, (key, seen) in enumerate(images.items()):
+        if progress:
+            progress(i / len(images), "image {}/{}".format(*key))
+        image, camera = dataset.image(*key), dataset.camera_of(*key)
+        start = time.perf_counter()
+        poses = estimator.estimate(image, camera.K, seen)
+        took = time.perf_counter() - start
+        found = ~is_identity(poses.cam_T_obj)
+        rows = (seen.scene_id[found], seen.im_id[found], seen.obj_id[found])
+        seconds = np.full(len(rows[0]), took)
+        parts.append((*rows, poses.score[found], poses.cam_T_obj[found], seconds))
+    scene_id, im_id, obj_id, score, cam_T_obj, time_s = map(
+        np.concatenate, zip(*parts, strict=True)
+    )
+    line = np.zeros(len(obj_id), dtype=np.int64)
+    return Results(scene_id, im_id, obj_id, score, cam_T_obj, time_s, line)
 
 
 def run_external(

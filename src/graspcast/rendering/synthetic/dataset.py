@@ -184,32 +184,8 @@ def _write(
     tabletop = Tabletop(meshes, width=2 * WIDTH, height=2 * HEIGHT)
     with Renderer(tabletop, INTRINSICS, width=WIDTH, height=HEIGHT) as renderer:
         for scene in range(1, settings.scenes + 1):
-            rng = np.random.default_rng([settings.seed, scene])
-            tabletop.lay_out(rng)
-            renderer.new_layout()
             folder = root / split / f"{scene:06d}"
-            (folder / "rgb").mkdir(parents=True)
-            centre = tabletop.poses()[tabletop.present, :3, 3].mean(axis=0)
-            truth, seen, cameras = {}, {}, {}
-            for image in range(settings.images):
-                if progress:
-                    done = (scene - 1 + image / settings.images) / settings.scenes
-                    progress(done, f"scene {scene}, image {image}")
-                view = random_view(rng, centre)
-                frame = renderer.frame(view)
-                _save(folder / "rgb" / f"{image:06d}", frame.rgb, settings)
-                instances = _instances(renderer, view, frame)
-                truth[str(image)] = [instance for instance, _ in instances]
-                seen[str(image)] = [visibility for _, visibility in instances]
-                cameras[str(image)] = _camera(view)
-                targets += [
-                    {"im_id": image, "inst_count": 1, "obj_id": i["obj_id"], "scene_id": scene}
-                    for i, v in instances
-                    if v["visib_fract"] >= MIN_VISIBLE_FRACTION
-                ]
-            _dump(folder / "scene_gt.json", truth)
-            _dump(folder / "scene_gt_info.json", seen)
-            _dump(folder / "scene_camera.json", cameras)
+            targets += _write_scene(folder, scene, renderer, settings, progress)
     _dump(root / f"{split}_targets_bop19.json", targets)
     fx, fy, (cx, cy) = INTRINSICS[0, 0], INTRINSICS[1, 1], INTRINSICS[:2, 2]
     _dump(
@@ -233,6 +209,44 @@ def _write(
             },
         },
     )
+
+
+def _write_scene(
+    folder: Path,
+    scene: int,
+    renderer: Renderer,
+    settings: RenderSettings,
+    progress: Callable[[float, str], None] | None,
+) -> list[dict[str, int]]:
+    """Simulate a scene, and write its images and ground truth; return its BOP targets."""
+    rng = np.random.default_rng([settings.seed, scene])
+    tabletop = renderer.tabletop
+    tabletop.lay_out(rng)
+    renderer.new_layout()
+    (folder / "rgb").mkdir(parents=True)
+    centre = tabletop.poses()[tabletop.present, :3, 3].mean(axis=0)
+    truth, seen, cameras = {}, {}, {}
+    targets = []
+    for image in range(settings.images):
+        if progress:
+            done = (scene - 1 + image / settings.images) / settings.scenes
+            progress(done, f"scene {scene}, image {image}")
+        view = random_view(rng, centre)
+        frame = renderer.frame(view)
+        _save(folder / "rgb" / f"{image:06d}", frame.rgb, settings)
+        instances = _instances(renderer, view, frame)
+        truth[str(image)] = [instance for instance, _ in instances]
+        seen[str(image)] = [visibility for _, visibility in instances]
+        cameras[str(image)] = _camera(view)
+        targets += [
+            {"im_id": image, "inst_count": 1, "obj_id": i["obj_id"], "scene_id": scene}
+            for i, v in instances
+            if v["visib_fract"] >= MIN_VISIBLE_FRACTION
+        ]
+    _dump(folder / "scene_gt.json", truth)
+    _dump(folder / "scene_gt_info.json", seen)
+    _dump(folder / "scene_camera.json", cameras)
+    return targets
 
 
 def _instances(
@@ -296,4 +310,5 @@ def _save(stem: Path, rgb: UInt8[ndarray, "h w 3"], settings: RenderSettings) ->
 
 
 def _dump(path: Path, content: Any) -> None:
+    """Write JSON with one entry of the top level per line, as BOP's files have it."""
     write_json(path, content, one_entry_a_line=True)
