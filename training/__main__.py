@@ -17,7 +17,7 @@ def main() -> None:
     verbs = top.add_subparsers(dest="verb", required=True)
     verb = verbs.add_parser("render", help="render training samples")
     verb.add_argument(
-        "--files", type=int, default=40, help="number of files, of about 1800 samples each"
+        "--files", type=int, default=40, help="of about 1800 samples each"
     )
     verb = verbs.add_parser("train", help="train, or resume training")
     verb.add_argument("--only", nargs="+", default=["dense", "direct", "keypoints"])
@@ -27,7 +27,7 @@ def main() -> None:
         "--strength",
         type=float,
         default=0.3,
-        help="strength of image augmentation; 1 for use on photographs",
+        help="of augmentation; 1 for photos",
     )
     verb = verbs.add_parser("export", help="write ONNX files from the latest checkpoints")
     verb.add_argument("--only", nargs="+", default=["dense", "direct", "keypoints"])

@@ -93,7 +93,7 @@ def _other_coordinates(batch: Batch, geometry: Geometry, s: int) -> Tensor:
 
 
 def dense(output: Tensor, batch: Batch, geometry: Geometry) -> Tensor:
-    """Compute the loss of ``dense``: cross-entropy of coordinate bins on the mask, and of the mask."""
+    """Compute the loss of ``dense``: cross-entropy of coordinate bins, and of the mask."""
     return _least(_map_losses(output, batch, geometry)) + _mask_loss(output, batch)
 
 

@@ -11,7 +11,6 @@ import polars as pl
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_array_equal
 
 from graspcast.bop.results import (
@@ -38,12 +37,6 @@ def test_poses_come_back_without_any_error(tmp_path: Path) -> None:
     assert_array_equal(back.im_id, np.arange(200))
     assert (back.time_s == -1).all()
     assert back.dropped == {}
-
-
-@given(arrays(np.float64, 20, elements=st.floats(-2e4, 2e4, allow_subnormal=False)))
-def test_metres_written_as_millimetres_are_the_same_metres(length_mm: np.ndarray) -> None:
-    length_m = metres(length_mm)
-    assert_array_equal(metres(millimetres(length_m)), length_m)
 
 
 def test_the_file_name_states_the_dataset() -> None:
