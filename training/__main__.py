@@ -16,9 +16,7 @@ def main() -> None:
     )
     verbs = top.add_subparsers(dest="verb", required=True)
     verb = verbs.add_parser("render", help="render training samples")
-    verb.add_argument(
-        "--files", type=int, default=40, help="of about 1800 samples each"
-    )
+    verb.add_argument("--files", type=int, default=40, help="of about 1800 samples each")
     verb = verbs.add_parser("train", help="train, or resume training")
     verb.add_argument("--only", nargs="+", default=["dense", "direct", "keypoints"])
     verb.add_argument("--steps", type=int, default=60_000)

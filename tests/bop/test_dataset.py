@@ -15,6 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from graspcast.bop.dataset import BopDataset, Target, read_ground_truth, read_targets
 from graspcast.bop.models import read_models_info
 from graspcast.errors import FormatError, GraspcastError, InputError
+from poses import write_models
 
 EYE = [1, 0, 0, 0, 1, 0, 0, 0, 1]
 
@@ -157,3 +158,16 @@ def test_the_official_ground_truth_is_read(data_dir: Path) -> None:
         atol=2e-5,
     )
     assert (gt.visib_fract >= 0).all()
+
+
+def test_representations_are_short(tmp_path: Path) -> None:
+    scenes = write_scene(tmp_path / "made", {"1": [entry(), entry(2)], "7": [entry()]})
+    write_models(tmp_path / "made" / "models")
+    dataset = BopDataset(tmp_path / "made", ground_truth=scenes)
+    assert repr(dataset) == f"BopDataset(made, {scenes})"
+    assert (
+        repr(dataset.ground_truth)
+        == f"GroundTruth(3 poses of 2 objects in 2 images, {scenes.name})"
+    )
+    assert repr(dataset.models) == f"Models(1 object, {tmp_path / 'made' / 'models'})"
+    assert repr(dataset.models.mesh(1)) == "Mesh(8 vertices, 2 faces)"

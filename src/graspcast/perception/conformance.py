@@ -168,14 +168,14 @@ def _metres(estimator: Estimator, trials: _Trials) -> str:
 
 
 def _position(estimator: Estimator, trials: _Trials) -> str:
-    apart = []
+    offsets = []
     for (_, K, seen), poses in zip(trials.images, trials.outputs, strict=True):
         found = ~is_identity(poses.cam_T_obj)
         pixel = poses.cam_T_obj[found, :3, 3] @ K.T
         box = seen.box_xywh[found]
         off = np.abs(pixel[:, :2] / pixel[:, 2:] - box[:, :2] - box[:, 2:] / 2)
-        apart.extend((off.max(axis=1) / box[:, 2:].max(axis=1)).tolist())
-    median = float(np.median(apart))
+        offsets.extend((off.max(axis=1) / box[:, 2:].max(axis=1)).tolist())
+    median = float(np.median(offsets))
     if median > _MAX_OFFSET:
         raise UnmetError(
             f"objects are {median:.1f} box sides away from their detections; is the pose "
@@ -186,27 +186,26 @@ def _position(estimator: Estimator, trials: _Trials) -> str:
 
 def _difference(one: Poses, other: Poses) -> float:
     """Return the largest absolute difference of any number."""
-    apart = np.abs(one.cam_T_obj - other.cam_T_obj).max(initial=0.0)
-    return float(max(apart, np.abs(one.score - other.score).max(initial=0.0)))
+    difference = np.abs(one.cam_T_obj - other.cam_T_obj).max(initial=0.0)
+    return float(max(difference, np.abs(one.score - other.score).max(initial=0.0)))
 
 
 def _deterministic(estimator: Estimator, trials: _Trials) -> str:
     for (image, K, seen), poses in zip(trials.images, trials.outputs, strict=True):
-        if (apart := _difference(estimator.estimate(image, K, seen), poses)) > _SAME:
-            raise UnmetError(f"a second call differs by {apart:.3g}; seed its random numbers")
+        if (difference := _difference(estimator.estimate(image, K, seen), poses)) > _SAME:
+            raise UnmetError(f"a second call differs by {difference:.3g}; seed its random numbers")
     return "a second call gives the same"
 
 
 def _order(estimator: Estimator, trials: _Trials) -> str:
     for (image, K, seen), poses in zip(trials.images, trials.outputs, strict=True):
-        turned = np.arange(len(seen))[::-1]
-        other = estimator.estimate(image, K, seen.select(turned))
-        if (
-            apart := _difference(other, Poses(poses.cam_T_obj[turned], poses.score[turned]))
-        ) > _SAME:
+        reverse = np.arange(len(seen))[::-1]
+        other = estimator.estimate(image, K, seen.select(reverse))
+        expected = Poses(poses.cam_T_obj[reverse], poses.score[reverse])
+        if (difference := _difference(other, expected)) > _SAME:
             raise UnmetError(
-                f"with the detections in reverse order, poses differ by {apart:.3g}; return one "
-                "per detection, in their order"
+                f"with the detections in reverse order, poses differ by {difference:.3g}; return "
+                "one per detection, in their order"
             )
     return "reversed detections give the same"
 

@@ -1,4 +1,4 @@
-"""External pose estimators: a command is run in a process of its own.
+"""External pose estimators: a command is run in a separate process.
 
 The command may use any Python, libraries and GPU; it exchanges only files with graspcast.
 """
@@ -130,7 +130,7 @@ def run_command(
 
 
 def _start(command: Sequence[str]) -> subprocess.Popen[str]:
-    """Start a command in a process group of its own."""
+    """Start a command in a new process group."""
     own_group: dict[str, Any] = {"start_new_session": True}
     if sys.platform == "win32":
         own_group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
