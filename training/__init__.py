@@ -1,1 +1,1 @@
-"""How the weights that ship with graspcast were made: ``python -m training --help``."""
+"""Training of the built-in estimators: ``python -m training --help``."""

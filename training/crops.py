@@ -1,7 +1,7 @@
-"""Training samples: crops of rendered tables with what each pixel shows, in files on disk.
+"""Training samples: crops of rendered images with object coordinates, in files on disk.
 
-A file is a pure function of the models, the seed and its number; it is written whole or not at all,
-so rendering can be stopped and gone on with, and training can begin while it runs.
+A file depends only on the models, the seed and its number, and is written atomically, so rendering
+can be resumed, and training can start while it runs.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from scipy.spatial import ConvexHull
 from graspcast.bop.meshes import read_coloured_mesh
 from graspcast.bop.models import Models
 from graspcast.io.files import atomic_write
-from graspcast.perception.crops import Crop, cut
+from graspcast.perception.crops import Crop, resample
 from graspcast.pose.transforms import invert, transform_points
 from graspcast.rendering.synthetic.camera import INTRINSICS, random_view
 from graspcast.rendering.synthetic.renderer import Frame, Renderer
 from graspcast.rendering.synthetic.tabletop import ColouredMesh, Tabletop
 
 PIXELS, CELLS = 96, 48
-"""Of a stored crop: pixels of the image, and cells of the object coordinates, on a side."""
+"""Side of a stored crop: pixels of the image, cells of the object coordinates."""
 STORED_MARGIN = 1.5
-"""A stored crop's side over the longer side of the object's box: room to jitter the crop."""
+"""A stored crop's side, as a multiple of the box's longer side: leaves room for jitter."""
 LAYOUTS, VIEWS = 20, 16
-"""In one file."""
+"""Arrangements of objects per file, and views of each."""
 LEAST_VISIBLE = 0.15
 
 
@@ -50,7 +50,7 @@ class Objects:
 
 
 def render(directory: Path, objects: Objects, *, seed: int, files: int, first: int = 0) -> None:
-    """Write files ``first`` to ``files`` - 1 into a directory, but those that are there."""
+    """Write the missing ones of the files ``first`` to ``files`` - 1 into a directory."""
     directory.mkdir(parents=True, exist_ok=True)
     wanted = [
         (k, path) for k in range(first, files) if not (path := directory / f"{k:05d}.npz").exists()
@@ -66,9 +66,9 @@ def render(directory: Path, objects: Objects, *, seed: int, files: int, first: i
                 rng = np.random.default_rng([seed, k, layout])
                 tabletop.lay_out(rng)
                 renderer.new_layout()
-                middle = tabletop.poses()[tabletop.present, :3, 3].mean(axis=0)
+                centre = tabletop.poses()[tabletop.present, :3, 3].mean(axis=0)
                 for _ in range(VIEWS):
-                    frame = renderer.frame(random_view(rng, middle))
+                    frame = renderer.frame(random_view(rng, centre))
                     samples.extend(_samples(frame, objects, hulls))
             columns = {name: np.stack([s[name] for s in samples]) for name in samples[0]}
             with atomic_write(path) as temporary, temporary.open("wb") as stream:
@@ -89,7 +89,7 @@ def _samples(frame: Frame, objects: Objects, hulls: dict) -> Iterator[dict]:
             continue
         low, high = pixels.min(axis=0), pixels.max(axis=0)
         crop = Crop(*((low + high) / 2), STORED_MARGIN * float((high - low).max()))
-        # The cell's middle, in the image: nearest pixel, where coordinates are exact.
+        # The pixel nearest to each cell's centre, where coordinates are exact.
         axis = (np.arange(CELLS) + 0.5) / CELLS - 0.5
         u, v = np.meshgrid(crop.u + crop.side * axis, crop.v + crop.side * axis)
         x, y = np.rint(u).astype(int), np.rint(v).astype(int)
@@ -102,7 +102,7 @@ def _samples(frame: Frame, objects: Objects, hulls: dict) -> Iterator[dict]:
         coordinates = np.zeros((CELLS, CELLS, 3), dtype=np.uint8)
         coordinates[mask] = np.clip(np.rint(255 * (points - info.lower) / info.size), 0, 255)
         yield {
-            "image": cut(frame.rgb, crop, PIXELS),
+            "image": resample(frame.rgb, crop, PIXELS),
             "coordinates": coordinates,
             "mask": mask,
             "object": np.int64(k),

@@ -1,4 +1,4 @@
-"""From a checkpoint to what ships: an ONNX file with half-precision weights and what they are."""
+"""Export of a checkpoint to an ONNX file with half-precision weights and metadata."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from training.train import BATCH, Run, new_network
 
 _OUTPUTS = {"dense": ["cells"], "direct": ["pose", "cells"], "keypoints": ["heat"]}
 _SMALL = 64
-"""Tensors with fewer numbers stay as they are."""
+"""Smaller tensors stay in single precision."""
 
 
 def export(work: Path, objects: Objects, name: str, out: Path) -> None:
-    """Write the averaged weights of a training as ``out``."""
+    """Write the averaged weights of the latest checkpoint as an ONNX file."""
     run = Run(name, objects, work)
     if not run.step:
-        raise SystemExit(f"{run.path}: no such training")
+        raise SystemExit(f"{run.path}: no such checkpoint")
     network = new_network(name, objects).eval()
     network.load_state_dict(run.average.module.state_dict())
     example = (torch.zeros(1, 3, PIXELS, PIXELS), torch.zeros(1, dtype=torch.int64))
@@ -51,9 +51,9 @@ def export(work: Path, objects: Objects, name: str, out: Path) -> None:
 
 
 def _halve(model: onnx.ModelProto) -> None:
-    """Store weights in 16 bits; a cast to 32 goes before whoever uses them.
+    """Store weights in half precision, with a cast to single precision before their use.
 
-    The runtime folds the cast when it loads the network, so that arithmetic is single precision.
+    ONNX Runtime folds the casts when it loads the network; arithmetic is in single precision.
     """
     casts = []
     for tensor in model.graph.initializer:
@@ -66,7 +66,7 @@ def _halve(model: onnx.ModelProto) -> None:
     nodes = [*casts, *model.graph.node]
     del model.graph.node[:]
     model.graph.node.extend(nodes)
-    # What the exporter says of each node's origin is longer than the network.
+    # The exporter's notes on each node's origin are larger than the network.
     for node in model.graph.node:
         del node.metadata_props[:]
         node.doc_string = ""

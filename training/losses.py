@@ -1,4 +1,4 @@
-"""What each network is trained for. Where an object has symmetries, the nearest truth counts."""
+"""Loss functions, each the minimum over the object's symmetries."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _POINTS = 48
 
 @dataclass
 class Geometry:
-    """What losses know of the objects, in the order of their numbers.
+    """Geometry of the objects as tensors, in the order of their ids.
 
     Attributes
     ----------
     low, size
-        Of the bounding box, metres, (o, 3).
+        Minimum corner and sides of the bounding box, metres, (o, 3).
     diameter
-        Metres, (o,).
+        Diameter, metres, (o,).
     keypoints
-        On the surface, far from each other, metres, (o, KEYPOINTS, 3).
+        Farthest-point samples of the surface, metres, (o, KEYPOINTS, 3).
     points
-        On the surface, metres, (o, _POINTS, 3).
+        Points on the surface, metres, (o, _POINTS, 3).
     symmetries
-        (o, s, 4, 4); the identity first, and again where an object has fewer.
+        Symmetry transforms, (o, s, 4, 4), the identity first and as padding.
     """
 
     low: Tensor
@@ -67,7 +67,7 @@ class Geometry:
 
 
 def farthest_points(vertices: np.ndarray, count: int) -> np.ndarray:
-    """Points each as far as can be from those before it; the first is farthest from the middle."""
+    """Farthest-point sampling; the first point is the farthest from the box's centre."""
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     distance = np.linalg.norm(vertices - middle, axis=1)
     chosen = [int(np.argmax(distance))]
@@ -79,12 +79,12 @@ def farthest_points(vertices: np.ndarray, count: int) -> np.ndarray:
 
 
 def _least(losses: list[Tensor]) -> Tensor:
-    """The smallest over symmetries, sample by sample, then the mean."""
+    """Take the minimum over symmetries for each sample, then the mean over samples."""
     return torch.stack(losses).min(dim=0).values.mean()
 
 
 def _other_coordinates(batch: Batch, geometry: Geometry, s: int) -> Tensor:
-    """The coordinates in the box, had the object been turned by a symmetry."""
+    """Compute the coordinates in the box after applying symmetry ``s`` to the object."""
     low, size = geometry.low[batch.obj][..., None, None], geometry.size[batch.obj][..., None, None]
     symmetry = geometry.symmetries[batch.obj, s]
     points = (batch.coordinates * size + low).flatten(2)
@@ -93,7 +93,7 @@ def _other_coordinates(batch: Batch, geometry: Geometry, s: int) -> Tensor:
 
 
 def dense(output: Tensor, batch: Batch, geometry: Geometry) -> Tensor:
-    """The map of coordinates: cross-entropy over bins where the object shows; and the mask."""
+    """Compute the loss of ``dense``: cross-entropy of coordinate bins, and of the mask."""
     return _least(_map_losses(output, batch, geometry)) + _mask_loss(output, batch)
 
 
@@ -102,13 +102,13 @@ def _mask_loss(output: Tensor, batch: Batch) -> Tensor:
 
 
 def _map_losses(output: Tensor, batch: Batch, geometry: Geometry) -> list[Tensor]:
-    """For each symmetry, sample by sample; a point between two bins belongs to both."""
+    """Compute the map's loss for each symmetry and sample; targets are shared by two bins."""
     mask = batch.mask.float()
     logits = output[:, :-1].unflatten(1, (3, BINS)).log_softmax(dim=2)
     amount = mask.sum(dim=(1, 2)).clamp(min=1.0)
     losses = []
     for s in range(geometry.symmetries.shape[1]):
-        # The first and the last bin stand for the box's borders themselves.
+        # The first and the last bin are the box's borders.
         place = _other_coordinates(batch, geometry, s) * (BINS - 1)
         lower = place.floor().clamp(max=BINS - 2)
         share = (place - lower)[:, :, None]
@@ -119,7 +119,7 @@ def _map_losses(output: Tensor, batch: Batch, geometry: Geometry) -> list[Tensor
 
 
 def keypoints(output: Tensor, batch: Batch, geometry: Geometry) -> Tensor:
-    """Cross-entropy over cells against a bump of one cell's width; outside the crop none."""
+    """Compute the loss of ``keypoints``: cross-entropy to a Gaussian; none outside of the crop."""
     logits = output.flatten(2).log_softmax(dim=2).unflatten(2, (HEAT_CELLS, HEAT_CELLS))
     cells = torch.arange(HEAT_CELLS, dtype=torch.float32)
     losses = []
@@ -136,7 +136,7 @@ def keypoints(output: Tensor, batch: Batch, geometry: Geometry) -> Tensor:
 
 
 def direct(output: tuple[Tensor, Tensor], batch: Batch, geometry: Geometry) -> Tensor:
-    """Where the pose puts points of the object, the site, and the map on the way."""
+    """Compute the loss of ``direct``: distance of points, SITE, and the intermediate map."""
     answer, drawn = output
     points = geometry.points[batch.obj] / geometry.diameter[batch.obj, None, None]
     seen = points @ rotation_of(answer[:, :6]).mT
@@ -149,7 +149,7 @@ def direct(output: tuple[Tensor, Tensor], batch: Batch, geometry: Geometry) -> T
 
 
 def rotation_of(six: Tensor) -> Tensor:
-    """Two rows made orthonormal (Zhou et al., CVPR 2019), (b, 6) to (b, 3, 3)."""
+    """Orthonormalise two rows (Zhou et al., CVPR 2019), (b, 6) to (b, 3, 3)."""
     x = F.normalize(six[:, :3], dim=1)
     y = F.normalize(six[:, 3:] - (x * six[:, 3:]).sum(dim=1, keepdim=True) * x, dim=1)
     return torch.stack([x, y, torch.linalg.cross(x, y)], dim=1)

@@ -1,4 +1,4 @@
-"""The three networks. Each sees a crop and the number of the object to look for."""
+"""The three networks; inputs are a crop and the index of the object to find."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 PIXELS, CELLS, HEAT_CELLS = 64, 16, 32
-"""Of a crop, on a side: pixels; cells of a map of coordinates; cells of a heat map."""
+"""Side of a crop in pixels, of a coordinate map in cells, of a heat map in cells."""
 BINS, KEYPOINTS = 16, 12
 
 MAP_WIDTH = 40
@@ -15,7 +15,7 @@ _WIDTHS = (24, 40, 80, 72)
 
 
 class Film(nn.Module):
-    """Scales and shifts channels by what object is looked for (Perez et al., AAAI 2018)."""
+    """Feature-wise linear modulation by object (FiLM; Perez et al., AAAI 2018)."""
 
     def __init__(self, objects: int, channels: int):
         super().__init__()
@@ -28,7 +28,7 @@ class Film(nn.Module):
 
 
 class PerObject(nn.Module):
-    """A linear layer over channels with weights of each object's own."""
+    """A linear layer over channels with separate weights for each object."""
 
     def __init__(self, objects: int, channels: int, out: int):
         super().__init__()
@@ -57,7 +57,7 @@ class Residual(nn.Module):
 
 
 class Trunk(nn.Module):
-    """Features at 32, 16, 8 and 4 cells a side."""
+    """The backbone: features with 32, 16, 8 and 4 cells a side."""
 
     def __init__(self, objects: int):
         super().__init__()
@@ -100,7 +100,7 @@ class Decoder(nn.Module):
 
 
 class Dense(nn.Module):
-    """Which point of the object each cell shows: a bin along each axis, and whether it shows it.
+    """The network of ``dense``: bins of object coordinates per axis and cell, and a mask.
 
     Output: (b, 3 * BINS + 1, CELLS, CELLS), logits.
     """
@@ -117,7 +117,7 @@ class Dense(nn.Module):
 
 
 class Keypoints(nn.Module):
-    """Where each keypoint of the object is: logits over cells, (b, KEYPOINTS, 32, 32)."""
+    """The network of ``keypoints``: heat-map logits, (b, KEYPOINTS, 32, 32)."""
 
     def __init__(self, objects: int):
         super().__init__()
@@ -132,10 +132,10 @@ class Keypoints(nn.Module):
 
 
 class Direct(nn.Module):
-    """Pose by regression, guided by a map of coordinates that it draws on its way.
+    """The network of ``direct``: regression of the pose via a coordinate map.
 
-    Output: (b, 9), two rows of the allocentric rotation and the site; and the map, (b, 3 * BINS +
-    1, CELLS, CELLS), logits as those of :class:`Dense`. After GDR-Net (Wang et al., CVPR 2021).
+    Output: (b, 9), two rows of the allocentric rotation and the SITE; and the map's logits, (b,
+    3 * BINS + 1, CELLS, CELLS), as of :class:`Dense`. After GDR-Net (Wang et al., CVPR 2021).
 
     Attributes
     ----------
@@ -172,10 +172,10 @@ class Direct(nn.Module):
 
 
 def _moments(points: Tensor, grid: Tensor, mask: Tensor) -> Tensor:
-    """How places follow from points to first order, (b, 13): where a learned solver can begin.
+    """Compute a least-squares affine map from object points to image points, (b, 13).
 
-    The linear map from points to places, which is two rows of the rotation times the scale if the
-    object is far away; both means; the scale's logarithm; how much is shown.
+    It gives the learned solver a starting point: the linear map, which for distant objects is two
+    rows of the rotation times the scale; both means; the logarithm of the scale; the visible share.
     """
     weight = mask.flatten(2)
     amount = weight.mean(dim=2)

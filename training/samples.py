@@ -1,4 +1,4 @@
-"""Batches: stored crops, jittered as detections are and disturbed as cameras do."""
+"""Training batches: stored crops with jitter and image augmentation."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from training.networks import CELLS, PIXELS
 
 @dataclass
 class Batch:
-    """Crops and what is true in them.
+    """A batch of crops with ground truth.
 
     Attributes
     ----------
     image, obj
-        (b, 3, PIXELS, PIXELS) in [0, 1]; places among the trained objects, (b,).
+        Crops, (b, 3, PIXELS, PIXELS) in [0, 1]; indices of the trained objects, (b,).
     coordinates, mask
-        What each cell shows, in the object's box from 0 to 1; and whether.
+        Object coordinates of each cell, from 0 to 1 in the box; whether the cell shows the object.
     rotation, site
-        Allocentric, and as in graspcast.perception.crops.
+        Allocentric rotation and SITE, as in graspcast.perception.crops.
     cam_R, translation
         The true pose, metres.
     crop, turn
-        Middle and side in the image, and how the crop is turned in it (b, 2, 2).
+        Centre and side of the crop in the image, and its in-plane rotation, (b, 2, 2).
     """
 
     image: Tensor
@@ -46,7 +46,7 @@ class Batch:
     cam_R: Tensor
 
     def project(self, points: Tensor) -> Tensor:
-        """Places in the crop of points in the object's frame, (b, k, 3) to (b, k, 2)."""
+        """Project points in the object's frame to the crop, (b, k, 3) to (b, k, 2)."""
         K = torch.tensor(INTRINSICS, dtype=torch.float32)
         pixel = (points @ self.cam_R.mT + self.translation[:, None]) @ K.T
         pixel = pixel[..., :2] / pixel[..., 2:]
@@ -62,7 +62,7 @@ class Samples:
         self.refresh()
 
     def refresh(self) -> None:
-        """Take in the files that have been written meanwhile."""
+        """Load files written since the last call."""
         paths = sorted(self.directory.glob("*.npz"))
         for path in paths[self.files :]:
             with np.load(path) as stored:
@@ -106,7 +106,7 @@ def make_batch(
     random: torch.Generator | None,
     strength: float = 1.0,
 ) -> Batch:
-    """A batch; jittered where there is a source of randomness, and disturbed by ``strength``."""
+    """Make a batch; with a random generator, jitter the crops and augment the images."""
     n = len(raw["object"])
     stored = raw["crop"].float()
     zero = torch.zeros(n)
@@ -146,7 +146,7 @@ def make_batch(
     scale = torch.log(z * crop[:, 2] / (K[0, 0] * diameter[raw["object"]]))
     mask = cells[:, 3] > 0.5
     if random is not None:
-        image, mask = _disturb(image, mask, random, strength)
+        image, mask = _augment(image, mask, random, strength)
     return Batch(
         image=image,
         obj=raw["object"],
@@ -161,10 +161,10 @@ def make_batch(
     )
 
 
-def _disturb(
+def _augment(
     image: Tensor, mask: Tensor, random: torch.Generator, strength: float
 ) -> tuple[Tensor, Tensor]:
-    """Other light and another camera: gain, gamma, blur, noise; and something in the way."""
+    """Augment images with gain, gamma, blur, noise and occlusion."""
     n = len(image)
 
     def uniform(low: float, high: float, *shape: int) -> Tensor:

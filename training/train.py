@@ -1,4 +1,4 @@
-"""Training, from the same batches for all networks; it can be stopped and gone on with."""
+"""Training of the networks on the same batches; it can be resumed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _RATE, _WARM, _SAVE_S, _SAY = 1.5e-3, 500, 120.0, 250
 
 
 def new_network(name: str, objects: Objects) -> nn.Module:
-    """A network that knows how many objects there are, and how large."""
+    """Create a network for the number and sizes of the objects."""
     network = NETWORKS[name](len(objects.ids))
     if hasattr(network, "extent"):
         geometry = Geometry.of(objects)
@@ -33,7 +33,7 @@ def new_network(name: str, objects: Objects) -> nn.Module:
 
 
 class Run:
-    """One network's training."""
+    """The training state of one network, resumed from its checkpoint."""
 
     def __init__(self, name: str, objects: Objects, work: Path):
         torch.manual_seed(sum(map(ord, name)))
@@ -84,9 +84,9 @@ class Run:
 def train(
     work: Path, objects: Objects, names: list[str], *, steps: int, threads: int, strength: float
 ) -> None:
-    """Train until every network has made ``steps`` steps of a batch each.
+    """Train every network for ``steps`` steps in total.
 
-    ``strength`` is of what disturbs the images: little for rendered ones, 1 for photographs.
+    ``strength`` is that of image augmentation: small for rendered images, 1 for photographs.
     """
     torch.set_num_threads(threads)
     geometry = Geometry.of(objects)
@@ -95,7 +95,7 @@ def train(
         count = sum(p.numel() for p in run.network.parameters())
         print(f"{run.name}: {count} weights, at step {run.step} of {steps}", flush=True)
     samples = Samples(work / "train")
-    # Told to end, it keeps what it has.
+    # On SIGTERM, save and exit.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())
     try:
         _loop(runs, samples, objects, geometry, steps, strength)
@@ -116,7 +116,7 @@ def _loop(
     made = 0
     while any(run.step < steps for run in runs):
         step = min(run.step for run in runs)
-        # Batch k is the same whether or not the training has been interrupted before it.
+        # Batch k does not depend on interruptions.
         random = torch.Generator().manual_seed(step)
         if made % 500 == 0:
             samples.refresh()

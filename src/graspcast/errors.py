@@ -1,19 +1,19 @@
-"""Every error that graspcast raises on purpose.
+"""The exceptions that graspcast raises.
 
 ::
 
     GraspcastError
-    ├── InputError            something from outside is wrong: a file, a value, an argument
-    │   ├── FormatError       a file does not hold what its format promises
-    │   ├── UnknownNameError  a name that nobody knows; the message lists those that are known
-    │   └── MismatchError     two inputs are each fine, but do not belong together
+    ├── InputError            an input is wrong: a file, a value, an argument
+    │   ├── FormatError       a file does not follow its format
+    │   ├── UnknownNameError  a name is not known; the message lists the known names
+    │   └── MismatchError     two inputs are valid, but do not belong together
     ├── ExtraMissingError     an optional dependency is not installed; the message has the pip line
-    ├── EstimatorFailedError  an external estimator's command went wrong; with its last words
-    ├── CampaignStoppedError  a campaign could not go on; what it has computed is kept
-    └── WorkerLostError       a process that computed trials has died
+    ├── EstimatorFailedError  an external estimator's command failed; with the end of its stderr
+    ├── CampaignStoppedError  a campaign stopped early; its outcomes are kept, and it can be resumed
+    └── WorkerLostError       a worker process that computed trials has died
 
-The command line turns each of them into one message and exit code 2. A message names what is wrong
-and what is available; ``parameters`` names, as in Python, the arguments by which to mend it, and
+The command line prints each of them as one message, and exits with code 2. A message names what is
+wrong and what is available; ``parameters`` holds the names of the Python parameters to change, and
 the command line adds its options of the same names.
 """
 
@@ -38,14 +38,14 @@ __all__ = [
 
 
 class GraspcastError(Exception):
-    """The base of every error that graspcast raises on purpose.
+    """The base class of graspcast's exceptions.
 
     Parameters
     ----------
     message
         What is wrong, where, what is available, and what to do.
     parameters
-        Names of the Python parameters by which to mend it.
+        Names of the Python parameters to change.
     """
 
     def __init__(self, message: str, *, parameters: Sequence[str] = ()):
@@ -54,11 +54,11 @@ class GraspcastError(Exception):
 
 
 class InputError(GraspcastError):
-    """Something that came from outside is wrong; the message says what, where, and the remedy."""
+    """An input is wrong; the message says what, where, and the remedy."""
 
 
 class FormatError(InputError):
-    """A file does not hold what its format promises.
+    """A file does not follow its format.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class FormatError(InputError):
     problem
         What is wrong and what to do, as one or two sentences.
     where
-        A row, a key or a line in the file, where it is known.
+        A row, a key or a line in the file, if known.
     parameters
         As for :class:`GraspcastError`.
     """
@@ -87,14 +87,14 @@ class FormatError(InputError):
 
 
 class UnknownNameError(InputError):
-    """A name that is not among the known ones.
+    """A name is not among the known ones.
 
     Parameters
     ----------
     kind
-        What the name should have named, for example ``"estimator"``.
+        The kind of thing that was named, for example ``"estimator"``.
     name
-        The name that was given.
+        The unknown name.
     known
         The names that exist.
     hint
@@ -121,36 +121,44 @@ class UnknownNameError(InputError):
 
 
 class MismatchError(InputError):
-    """Two inputs are each fine, but do not belong together."""
+    """Two inputs are valid, but do not belong together."""
 
 
 class EstimatorFailedError(GraspcastError):
-    """An external estimator's command went wrong.
+    """An external estimator's command failed.
 
     Parameters
     ----------
     command
         The program and its arguments.
     problem
-        What happened to it.
+        What went wrong, for example ``"timed out after 30 s"``.
     last_lines
-        The end of what it wrote to standard error.
+        The last lines of its standard error.
+    parameters
+        As for :class:`GraspcastError`.
     """
 
-    def __init__(self, command: Sequence[str], problem: str, last_lines: Iterable[str] = ()):
+    def __init__(
+        self,
+        command: Sequence[str],
+        problem: str,
+        last_lines: Iterable[str] = (),
+        *,
+        parameters: Sequence[str] = (),
+    ):
         message = f"the command {shlex.join(command)} {problem}"
-        said = "".join(f"\n  {line}" for line in last_lines)
-        super().__init__(
-            message + (f"; the last that it wrote to standard error:{said}" if said else "")
-        )
+        if quoted := "".join(f"\n  {line}" for line in last_lines):
+            message += f"; the last lines of its standard error are:{quoted}"
+        super().__init__(message, parameters=parameters)
 
 
 class CampaignStoppedError(GraspcastError):
-    """A campaign could not go on; what it has computed is kept, and it can be gone on with."""
+    """A campaign stopped early; its outcomes are kept, and it can be resumed."""
 
 
 class WorkerLostError(GraspcastError):
-    """A process that computed trials has died."""
+    """A worker process that computed trials has died."""
 
 
 class ExtraMissingError(GraspcastError):
@@ -161,10 +169,13 @@ class ExtraMissingError(GraspcastError):
     package
         The package that could not be imported.
     extra
-        The extra of graspcast that brings it.
+        The extra of graspcast that installs it.
+    parameters
+        As for :class:`GraspcastError`.
     """
 
-    def __init__(self, package: str, extra: str):
+    def __init__(self, package: str, extra: str, *, parameters: Sequence[str] = ()):
         super().__init__(
-            f"this needs {package}, which is not installed: pip install 'graspcast[{extra}]'"
+            f"this needs {package}, which is not installed: pip install 'graspcast[{extra}]'",
+            parameters=parameters,
         )

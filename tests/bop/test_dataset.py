@@ -1,4 +1,4 @@
-"""Ground truth, cameras, targets and models of a BOP directory."""
+"""BOP datasets: ground truth, cameras and targets of a directory."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from graspcast.bop.dataset import BopDataset, Target, read_ground_truth, read_targets
-from graspcast.bop.meshes import read_mesh
-from graspcast.bop.models import Models, read_models_info
-from graspcast.errors import FormatError, GraspcastError, InputError, UnknownNameError
+from graspcast.bop.models import read_models_info
+from graspcast.errors import FormatError, GraspcastError, InputError
 from poses import write_models
 
 EYE = [1, 0, 0, 0, 1, 0, 0, 0, 1]
@@ -116,91 +115,6 @@ def test_targets_of_both_formats(tmp_path: Path) -> None:
         read_targets(path)
 
 
-def test_models_and_symmetries(tmp_path: Path) -> None:
-    half_turn = [-1, 0, 0, 10, 0, -1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
-    axis = {"axis": [0, 0, 2], "offset": [5, 0, 0]}
-    models = Models(
-        write_models(
-            tmp_path,
-            obj_1={},
-            obj_2={"symmetries_discrete": [half_turn]},
-            obj_3={"symmetries_continuous": [axis], "symmetries_discrete": [half_turn]},
-        )
-    )
-    assert not models[1].symmetric
-    assert_array_equal(models[1].symmetries, np.eye(4)[None])
-    assert models[2].symmetries.shape == (2, 4, 4)
-    assert models[2].symmetries[1, 0, 3] == 0.01
-    assert_allclose(models[1].size, [0.04, 0.06, 0.1])
-    everything = models[3].symmetries
-    assert len(everything) == 2 * 315
-    assert_array_equal(everything[0], np.eye(4))
-    # Every turn about the axis keeps the points of the axis where they are.
-    turns = everything[: len(everything) // 2]
-    assert_allclose(turns @ [0.005, 0, 0.3, 1], np.tile([0.005, 0, 0.3, 1], (315, 1)), atol=1e-12)
-    with pytest.raises(UnknownNameError, match="unknown object '9'; known: 1, 2, 3"):
-        models[9]
-
-
-@pytest.mark.parametrize(
-    ("info", "says"),
-    [
-        ({"1": {}}, "object 1: no 'diameter'"),
-        ({}, "lists no object"),
-        ({"one": {}}, "'one' is not a whole number"),
-        ({"1": {"diameter": -1}}, "diameter should be positive"),
-        ({"1": {"diameter": "x"}}, "object 1, diameter: should be 1 finite number"),
-    ],
-)
-def test_wrong_models_info_is_named(tmp_path: Path, info: Any, says: str) -> None:
-    path = tmp_path / "models_info.json"
-    path.write_text(json.dumps(info))
-    with pytest.raises(FormatError) as caught:
-        read_models_info(path)
-    assert says in str(caught.value)
-
-
-def test_symmetries_must_be_rotations(tmp_path: Path) -> None:
-    write_models(tmp_path, obj_1={"symmetries_discrete": [[2.0] * 16]})
-    with pytest.raises(
-        FormatError, match="symmetries_discrete: holds a matrix that is not a rotation"
-    ):
-        Models(tmp_path)
-    write_models(
-        tmp_path, obj_1={"symmetries_continuous": [{"axis": [0, 0, 0], "offset": [0, 0, 0]}]}
-    )
-    with pytest.raises(FormatError, match="the axis has no length"):
-        Models(tmp_path)
-
-
-def binary_ply(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
-    header = (
-        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
-        "property float x\nproperty float y\nproperty float z\n"
-        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
-    )
-    body = vertices.astype("<f4").tobytes()
-    body += b"".join(b"\x03" + row.astype("<i4").tobytes() for row in faces)
-    path.write_bytes(header.encode() + body)
-
-
-def test_ascii_and_binary_meshes_are_the_same(tmp_path: Path) -> None:
-    ascii_mesh = read_mesh(write_models(tmp_path) / "obj_000001.ply")
-    assert_allclose(np.ptp(ascii_mesh.vertices, axis=0), [0.04, 0.06, 0.1])
-    binary_ply(tmp_path / "b.ply", ascii_mesh.vertices * 1000, ascii_mesh.faces)
-    binary_mesh = read_mesh(tmp_path / "b.ply")
-    assert_allclose(binary_mesh.vertices, ascii_mesh.vertices, atol=1e-9)
-    assert_array_equal(binary_mesh.faces, ascii_mesh.faces)
-
-
-@pytest.mark.parametrize("content", [b"", b"ply\n", b"solid stl\n", b"\x00" * 50])
-def test_what_is_no_mesh_is_refused(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "m.ply"
-    path.write_bytes(content)
-    with pytest.raises(FormatError, match=r"m\.ply"):
-        read_mesh(path)
-
-
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
     lambda inner: (
@@ -246,10 +160,14 @@ def test_the_official_ground_truth_is_read(data_dir: Path) -> None:
     assert (gt.visib_fract >= 0).all()
 
 
-def test_published_meshes_have_the_published_extents(data_dir: Path) -> None:
-    for name in ("lmo", "ycbv"):
-        models = Models(data_dir / "bop" / name / "models")
-        for obj_id, info in models.info.items():
-            vertices = models.mesh(obj_id).vertices
-            assert_allclose(vertices.min(axis=0), info.lower, atol=3e-4)
-            assert_allclose(np.ptp(vertices, axis=0), info.size, atol=3e-4)
+def test_representations_are_short(tmp_path: Path) -> None:
+    scenes = write_scene(tmp_path / "made", {"1": [entry(), entry(2)], "7": [entry()]})
+    write_models(tmp_path / "made" / "models")
+    dataset = BopDataset(tmp_path / "made", ground_truth=scenes)
+    assert repr(dataset) == f"BopDataset(made, {scenes})"
+    assert (
+        repr(dataset.ground_truth)
+        == f"GroundTruth(3 poses of 2 objects in 2 images, {scenes.name})"
+    )
+    assert repr(dataset.models) == f"Models(1 object, {tmp_path / 'made' / 'models'})"
+    assert repr(dataset.models.mesh(1)) == "Mesh(8 vertices, 2 faces)"

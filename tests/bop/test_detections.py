@@ -56,8 +56,8 @@ def test_a_file_as_detectors_write_it(tmp_path: Path, dataset: BopDataset) -> No
         ({"scene_id": 1}, "no 'image_id'; found scene_id"),
         (3, "entry 1: should be an object"),
         (box(2, 3), "entry 1: repeats the object and box of entry 0"),
-        (box(category_id=2), r"object 2 is not in .*models_info.json, which has 1, 5; --lenient"),
-        (box(image_id=4), "no image 1/4 in .*test; --lenient skips"),
+        (box(category_id=2), r"object 2 is not in .*models_info.json, which has 1, 5$"),
+        (box(image_id=4), r"no image 1/4 in .*test$"),
     ],
 )
 def test_wrong_entries_are_named_or_skipped(
@@ -163,11 +163,11 @@ def test_jitter_needs_boxes_of_visible_instances(dataset: BopDataset) -> None:
         (2, 3, 1),
         (2, 3, 5),
     ]
-    with pytest.raises(InputError, match="none of the wanted instances is visible by at least 10%"):
+    with pytest.raises(InputError, match="none of the instances is at least 10% visible"):
         jittered(BopDataset(dataset.root), 0, targets=[Target(1, 8)])
     for info_path in dataset.scenes.glob("*/scene_gt_info.json"):
         info_path.unlink()
-    with pytest.raises(InputError, match="states a bbox_obj"):
+    with pytest.raises(InputError, match="has a bbox_obj"):
         jittered(BopDataset(dataset.root), 0)
 
 

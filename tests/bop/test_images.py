@@ -45,7 +45,7 @@ def test_red_is_the_first_channel(tmp_path: Path) -> None:
 )
 def test_images_that_are_not_rgb_are_refused(tmp_path: Path, mode: str, says: str) -> None:
     path = write_image(tmp_path / ("a.jpg" if mode == "CMYK" else "a.png"), mode=mode)
-    with pytest.raises(FormatError, match=f"{says}.*takes three channels"):
+    with pytest.raises(FormatError, match=f"{says}.*needs three channels"):
         read_image(path)
 
 
@@ -95,7 +95,7 @@ def test_an_image_that_is_not_there(tmp_path: Path) -> None:
 def test_the_same_image_twice_is_refused(tmp_path: Path) -> None:
     dataset = write_dataset(tmp_path)
     write_image(tmp_path / "test" / "000001" / "rgb" / "3.jpg")
-    with pytest.raises(InputError, match="the same image as"):
+    with pytest.raises(InputError, match="the same scene and image as"):
         dataset.images  # noqa: B018
 
 

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_array_equal
 
-from graspcast.bop.results import COLUMNS, dataset_of, read_results, write_results
+from graspcast.bop.results import (
+    Results,
+    dataset_of,
+    read_results,
+    score_order,
+    write_results,
+)
+from graspcast.bop.results_rows import COLUMNS
 from graspcast.bop.units import metres, millimetres
 from graspcast.errors import FormatError, GraspcastError
 from poses import ROW, nudged, random_poses, results_of, write_csv
@@ -28,12 +37,6 @@ def test_poses_come_back_without_any_error(tmp_path: Path) -> None:
     assert_array_equal(back.im_id, np.arange(200))
     assert (back.time_s == -1).all()
     assert back.dropped == {}
-
-
-@given(arrays(np.float64, 20, elements=st.floats(-2e4, 2e4, allow_subnormal=False)))
-def test_metres_written_as_millimetres_are_the_same_metres(length_mm: np.ndarray) -> None:
-    length_m = metres(length_mm)
-    assert_array_equal(metres(millimetres(length_m)), length_m)
 
 
 def test_the_file_name_states_the_dataset() -> None:
@@ -60,7 +63,7 @@ def bad(old: str, new: str) -> str:
         (bad("1 0 0 0 1 0 0 0 1", "1 0 0 0 1 0 0 0 1.1"), "R is 0.1 away from the nearest"),
         (bad("1 0 0 0 1 0 0 0 1", "1 0 0 0 1 0 0 0 -1"), "R is 2 away from the nearest"),
         (bad(",-1", ",-2"), "time is '-2', but should be seconds, or -1"),
-        (bad(",-1", ",-1,7"), "has not the 7 fields of the header"),
+        (bad(",-1", ",-1,7"), "does not have the 7 fields of the header"),
         (ROW, "repeats the instance and pose of line 2"),
     ],
 )
@@ -70,6 +73,7 @@ def test_a_bad_row_is_named_or_skipped(tmp_path: Path, row: str, says: str) -> N
         read_results(path)
     assert says in str(caught.value)
     assert str(path) in str(caught.value)
+    assert caught.value.parameters == ("lenient",)
     lenient = read_results(path, lenient=True)
     assert len(lenient) == 1
     assert lenient.dropped == {"bad row": 1}
@@ -170,3 +174,143 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
         write_results(path, broken)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_score_order_ignores_the_order_of_the_rows() -> None:
+    poses = random_poses(60)
+    poses[10:20, :3, 3] = poses[10, :3, 3]  # ten that differ in the rotation only
+    poses[20:30, 2, 3] = 0.5  # ten that differ in t_x, t_y
+    results = replace(results_of(poses), score=np.repeat([0.3, 0.9, 0.5], 20))
+    order = score_order(results)
+    assert (np.diff(results.score[order]) <= 0).all()
+    shuffled = results.select(np.random.default_rng(1).permutation(60))
+    assert_array_equal(shuffled.cam_T_obj[score_order(shuffled)], poses[order])
+
+
+def test_score_order_takes_the_nearer_of_two_equal_scores_first() -> None:
+    poses = np.tile(np.eye(4), (4, 1, 1))
+    poses[:, :3, 3] = [[0, 0, 2], [1, 0, 1], [0, 1, 1], [0, 0, 1]]
+    results = replace(results_of(poses), score=np.ones(4))
+    assert score_order(results).tolist() == [3, 2, 1, 0]
+
+
+def columns(results: Results) -> dict[str, Any]:
+    """A table of results as a user has it: lists of numbers, millimetres."""
+    return {
+        "scene_id": results.scene_id.tolist(),
+        "im_id": results.im_id.tolist(),
+        "obj_id": results.obj_id.tolist(),
+        "score": results.score.tolist(),
+        "R": results.cam_T_obj[:, :3, :3].reshape(-1, 9).tolist(),
+        "t": millimetres(results.cam_T_obj[:, :3, 3]).tolist(),
+        "time": [0.25] * len(results),
+    }
+
+
+def assert_same(one: Results, other: Results) -> None:
+    for name in ("scene_id", "im_id", "obj_id", "score", "cam_T_obj"):
+        assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+@pytest.fixture
+def some(tmp_path: Path) -> Results:
+    """Results whose numbers are those of a file."""
+    write_results(tmp_path / "ours_lmo-test.csv", results_of(random_poses(7)))
+    return read_results(tmp_path / "ours_lmo-test.csv")
+
+
+def test_a_polars_frame_gives_the_same_as_a_file(some: Results) -> None:
+    results = Results.from_frame(pl.DataFrame(columns(some)))
+    assert_same(results, some)
+    assert (results.time_s == 0.25).all()
+    assert (results.line == 0).all()
+    assert results.source == "table"
+
+
+def test_a_pandas_frame_gives_the_same_as_a_file(some: Results, tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas", reason="pandas is not a dependency of graspcast")
+    assert_same(Results.from_frame(pandas.DataFrame(columns(some))), some)
+    text = pandas.read_csv(tmp_path / "ours_lmo-test.csv")  # R and t stay text
+    assert_same(Results.from_frame(text), some)
+
+
+def test_a_csv_read_by_polars_keeps_its_text(some: Results, tmp_path: Path) -> None:
+    assert_same(Results.from_frame(pl.read_csv(tmp_path / "ours_lmo-test.csv")), some)
+
+
+@pytest.mark.parametrize("shape", [(-1, 9), (-1, 3, 3)])
+def test_a_dict_of_arrays(some: Results, shape: tuple[int, ...]) -> None:
+    table = {name: np.array(column) for name, column in columns(some).items()}
+    table["R"] = table["R"].reshape(shape)
+    assert_same(Results.from_frame(table), some)
+
+
+def test_poses_in_metres_and_no_time(some: Results) -> None:
+    names = ("scene_id", "im_id", "obj_id", "score", "cam_T_obj")
+    results = Results.from_frame({name: getattr(some, name) for name in names})
+    assert_same(results, some)
+    assert (results.time_s == -1).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"im_id": [0, -1]}, "row 1: im_id is -1, but should be a whole number, 0 or more"),
+        ({"obj_id": [1.0, 1.0]}, "row 0: obj_id is 1.0"),
+        ({"scene_id": [True, 1]}, "row 0: scene_id is True"),
+        ({"score": [0.5, None]}, "row 1: score is None, but should be a finite number"),
+        ({"t": [[0, 0, 900], [0, 900]]}, "row 1: t is [0, 900], but should be three"),
+        ({"R": [np.eye(3), np.eye(3) * 1.1]}, "row 1: R is 0.173 away from the nearest"),
+        ({"t": [[0, 0, 0.9], [0, 0, 0.8]]}, "t seems to be in metres"),
+        ({"im_id": [0, 0]}, "row 1: repeats the instance and pose of row 0"),
+        ({"score": [1.0]}, "the columns have different lengths"),
+    ],
+)
+def test_a_table_is_checked_as_a_file_is(change: dict[str, Any], says: str) -> None:
+    table = {
+        "scene_id": [1, 1],
+        "im_id": [0, 1],
+        "obj_id": [2, 2],
+        "score": [0.5, 0.4],
+        "R": [np.eye(3), np.eye(3)],
+        "t": [[0, 0, 900], [0, 0, 900]],
+    }
+    assert len(Results.from_frame(table)) == 2
+    with pytest.raises(FormatError) as caught:
+        Results.from_frame({**table, **change}, source="mine")
+    assert str(caught.value).startswith("mine")
+    assert says in str(caught.value)
+
+
+def test_bad_rows_of_a_table_are_skipped_and_placeholders_dropped() -> None:
+    table = {
+        "scene_id": [1, 1, 1],
+        "im_id": [0, 1, 2],
+        "obj_id": [2, 2, 2],
+        "score": [0.5, float("nan"), 0.4],
+        "R": [np.eye(3)] * 3,
+        "t": [[0, 0, 900], [0, 0, 900], [0, 0, 0]],
+    }
+    results = Results.from_frame(table, lenient=True)
+    assert len(results) == 1
+    assert results.dropped == {"bad row": 1, "placeholder": 1}
+    assert len(Results.from_frame(table, lenient=True, placeholders=True)) == 2
+
+
+def test_missing_columns_are_named() -> None:
+    with pytest.raises(FormatError, match="no column 'R', 't'; found scene_id, im_id, obj_id, s"):
+        Results.from_frame({"scene_id": [], "im_id": [], "obj_id": [], "score": []})
+
+
+@pytest.mark.parametrize(
+    "matrix", [np.eye(3), [[1, 0, 0, 0]] * 4, [[1, 0, 0, 0], [0, 1, 0, 0]], "x"]
+)
+def test_what_is_no_pose(matrix: Any) -> None:
+    row = {"scene_id": [1], "im_id": [0], "obj_id": [2], "score": [0.5], "cam_T_obj": [matrix]}
+    with pytest.raises(FormatError, match=r"cam_T_obj should be 4x4|the last row"):
+        Results.from_frame(row)
+
+
+def test_the_representation_is_short(some: Results) -> None:
+    assert repr(some) == "Results(7 poses of 1 object in 7 images, ours_lmo-test.csv)"
+    assert repr(some.select(np.array([0]))).startswith("Results(1 pose of 1 object in 1 image, ")

@@ -310,12 +310,12 @@ def test_directories_that_are_not_what_they_should_be(
     assert "no published/lmo/trials.csv here" in refused(
         ["reproduce", "--data", str(tmp_path)], capsys
     )
-    assert "no folder Pose-Estimates here" in refused(
+    assert "no folder Pose-Estimates" in refused(
         ["import-release", str(tmp_path), str(tmp_path / "out")], capsys
     )
     path = write_csv(tmp_path / "a_x-test.csv", ROW)
     said = refused(["errors", "--bop", str(tmp_path / "no"), "--estimates", f"a={path}"], capsys)
-    assert "no such directory; --bop takes a BOP dataset's directory" in said
+    assert "no such directory" in said
 
 
 def test_import_release_says_what_it_found(
@@ -323,7 +323,7 @@ def test_import_release_says_what_it_found(
 ) -> None:
     release = data_dir / "raw" / "Consensus-Driven-Uncertainty"
     assert main(["import-release", str(release), str(tmp_path / "out")]) == 0
-    assert "trials 10696; instances 4125, of which 4 without a pose" in capsys.readouterr().out
+    assert "trials 10696; instances 4125, 4 of them without a pose" in capsys.readouterr().out
 
 
 def test_every_verb_explains_itself() -> None:

@@ -1,4 +1,4 @@
-"""Tables as files: digests, damaged Parquet files, and who may die of them."""
+"""Tables as files: digests and damaged Parquet files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A dataset, detections in it, and another virtual environment."""
+"""Datasets with detections, and another virtual environment."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import pytest
 
 from bop_images import write_dataset
 from graspcast.bop.dataset import BopDataset
-from graspcast.bop.detections import jittered, write_detections
+from graspcast.bop.detections import Detections, jittered, read_detections, write_detections
+from graspcast.demo_data import demo_dataset
 
 
 @pytest.fixture(scope="session")
@@ -32,3 +33,14 @@ def boxes(dataset: BopDataset, tmp_path: Path) -> Path:
     path = tmp_path / "my boxes.json"
     write_detections(path, jittered(dataset, 0))
     return path
+
+
+@pytest.fixture(scope="session")
+def demo() -> BopDataset:
+    """The demonstration dataset."""
+    return demo_dataset()
+
+
+@pytest.fixture(scope="session")
+def demo_boxes(demo: BopDataset) -> Detections:
+    return read_detections(demo.root / "test_detections_jittered.json", demo)

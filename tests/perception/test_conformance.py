@@ -1,4 +1,4 @@
-"""``check_estimator`` passes what keeps to the protocol and names what does not."""
+"""``check_estimator`` passes conforming estimators and names the faults of others."""
 
 from __future__ import annotations
 
@@ -46,19 +46,19 @@ def dataset(tmp_path: Path) -> BopDataset:
     return write_dataset(tmp_path / "made")
 
 
-def test_an_honest_estimator_passes(dataset: BopDataset) -> None:
+def test_a_conforming_estimator_passes(dataset: BopDataset) -> None:
     report = check_estimator(Sizes(), dataset, jittered(dataset, 0))
     assert report.passed, str(report)
     assert str(report).startswith("estimator sizes: passed")
     assert "ms for an image with 2 detections" in str(report)
 
 
-def spoilt(change: Callable[[Poses], Poses]) -> type[Sizes]:
-    class Spoilt(Sizes):
+def changed(change: Callable[[Poses], Poses]) -> type[Sizes]:
+    class Changed(Sizes):
         def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
             return change(super().estimate(image, K, detections))
 
-    return Spoilt
+    return Changed
 
 
 def scaled(factor: float) -> Callable[[Poses], Poses]:
@@ -103,7 +103,7 @@ def one_less(poses: Poses) -> Poses:
     return Poses(poses.cam_T_obj[1:], poses.score[1:])
 
 
-class Blind(Sizes):
+class IgnoresImage(Sizes):
     def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
         return super().estimate(np.zeros_like(image), K, detections)
 
@@ -114,20 +114,20 @@ class OwnCamera(Sizes):
         return super().estimate(image, own, detections)
 
 
-class Scribbler(Sizes):
+class ModifiesInput(Sizes):
     def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
         poses = super().estimate(image, K, detections)
         detections.box_xywh[:, 2:] += 4
         return poses
 
 
-class Guesser(Sizes):
+class AcceptsAnyObject(Sizes):
     def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
         known = replace(detections, obj_id=np.full(len(detections), 1))
         return super().estimate(image, K, known)
 
 
-class Crasher(Sizes):
+class RaisesKeyError(Sizes):
     def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
         table = {1: 0, 5: 1}
         for obj_id in detections.obj_id.tolist():
@@ -135,12 +135,12 @@ class Crasher(Sizes):
         return super().estimate(image, K, detections)
 
 
-class Bursts(Sizes):
+class Raises(Sizes):
     def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
         raise ValueError("boom")
 
 
-class Boaster(Sizes):
+class HighScores(Sizes):
     def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
         found = super().estimate(image, K, detections)
         return Poses(found.cam_T_obj, found.score + 7.0)
@@ -156,23 +156,23 @@ class Nameless:
 @pytest.mark.parametrize(
     ("kind", "check", "words"),
     [
-        pytest.param(Nameless, "describes", "lacks name", marks=pytest.mark.ill_typed),
-        (spoilt(one_less), "answers", "there should be"),
-        (spoilt(nothing), "answers", "found nothing"),
-        (Bursts, "answers", "raised ValueError: boom"),
-        (Boaster, "rigid", "beyond 0 and 1"),
-        (spoilt(infinite), "rigid", "not finite"),
-        (spoilt(mirrored), "rigid", "away from a rigid"),
-        (spoilt(scaled(1000.0)), "metres", "are these metres"),
-        (spoilt(opengl), "metres", "before the camera"),
-        (spoilt(upside_down), "place", "box sides away"),
-        (spoilt(noisy()), "repeats", "seed it"),
-        (spoilt(best_first), "order", "in their order"),
-        (Scribbler, "keeps", "changed the detections"),
-        (Blind, "looks", "does it look"),
-        (OwnCamera, "camera", "longer lens"),
-        (Guesser, "refuses", "gave poses of object 6"),
-        (Crasher, "refuses", "KeyError: 6"),
+        pytest.param(Nameless, "attributes", "lacks name", marks=pytest.mark.ill_typed),
+        (changed(one_less), "output", "expected"),
+        (changed(nothing), "output", "found nothing"),
+        (Raises, "output", "raised ValueError: boom"),
+        (HighScores, "rigid", "expected 0 to 1"),
+        (changed(infinite), "rigid", "not finite"),
+        (changed(mirrored), "rigid", "away from a rigid"),
+        (changed(scaled(1000.0)), "metres", "are these metres"),
+        (changed(opengl), "metres", "looks along"),
+        (changed(upside_down), "position", "box sides away"),
+        (changed(noisy()), "deterministic", "seed its"),
+        (changed(best_first), "order", "in their order"),
+        (ModifiesInput, "inputs_unchanged", "modified the detections"),
+        (IgnoresImage, "uses_image", "is the image used"),
+        (OwnCamera, "uses_camera", "expected about 1.5 times"),
+        (AcceptsAnyObject, "unknown_object", "returned poses of object 6"),
+        (RaisesKeyError, "unknown_object", "KeyError: 6"),
     ],
 )
 def test_each_fault_is_found_by_its_check(
@@ -184,8 +184,8 @@ def test_each_fault_is_found_by_its_check(
     assert "FAILED" in str(report)
 
 
-def test_it_asks_for_detections_of_known_objects(dataset: BopDataset) -> None:
-    stranger = Sizes()
-    stranger.obj_ids = (77,)
-    with pytest.raises(InputError, match=r"none of an object that sizes knows \(77\)"):
-        check_estimator(stranger, dataset, jittered(dataset, 0))
+def test_detections_must_be_of_known_objects(dataset: BopDataset) -> None:
+    unknowing = Sizes()
+    unknowing.obj_ids = (77,)
+    with pytest.raises(InputError, match=r"no detection of an object that sizes knows \(77\)"):
+        check_estimator(unknowing, dataset, jittered(dataset, 0))

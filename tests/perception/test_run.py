@@ -136,7 +136,7 @@ def test_the_verb_runs_an_estimator_of_ours(
 @pytest.mark.parametrize(
     ("estimator", "more", "says"),
     [
-        ("dens", [], r"'dens' \(did you mean 'dense'\?\); known: .*An own one is a command"),
+        ("dens", [], r"'dens' \(did you mean 'dense'\?\); known: .*Other estimators are commands"),
         ("run {bop}", [], "no {out}, the file to which"),
         ("run {out}", ["--weights", "a.onnx"], "--weights is for a built-in estimator"),
         ("dense", ["--timeout", "5"], "--timeout is for a command; dense is built in"),
@@ -180,3 +180,29 @@ def test_the_verb_counts_what_it_leaves_out(
 def test_the_time_out_is_a_number_of_seconds(seconds: str) -> None:
     with pytest.raises(SystemExit):
         main(["estimate", "--bop", "a", "--detections", "b", "--timeout", seconds])
+
+
+def test_a_time_out_names_its_option(
+    python: Path, dataset: BopDataset, boxes: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sleep = f"{shlex.quote(str(python))} -c 'import time; time.sleep(60)' {{out}}"
+    assert main(verb(dataset, boxes, boxes.with_name("out.csv"), sleep, "--timeout", "0.5")) == 2
+    message = capsys.readouterr().err
+    assert "timed out after 0.5 s" in message
+    assert "(see --timeout)" in message
+
+
+def test_progress_goes_from_image_to_image(
+    dataset: BopDataset, boxes: Path, tmp_path: Path
+) -> None:
+    calls: list[tuple[float, str]] = []
+    run_estimator(
+        BoxEstimator(dataset.models),
+        dataset,
+        read_detections(boxes, dataset),
+        tmp_path / "out.csv",
+        progress=lambda share, message: calls.append((share, message)),
+    )
+    shares = [share for share, _ in calls]
+    assert shares[0] == 0.0 and shares == sorted(shares) and shares[-1] < 1.0
+    assert calls[0][1] == "image 1/3"

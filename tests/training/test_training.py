@@ -13,8 +13,8 @@ torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra tra
 
 from graspcast.bop.models import ModelInfo  # noqa: E402
 from graspcast.perception.crops import Crop  # noqa: E402
-from graspcast.perception.dense import _expected  # noqa: E402
-from graspcast.perception.keypoints import _peaks  # noqa: E402
+from graspcast.perception.dense import expected_coordinates  # noqa: E402
+from graspcast.perception.keypoints import heat_map_peaks  # noqa: E402
 from graspcast.pose.transforms import rotation_from_vector, transform  # noqa: E402
 from graspcast.rendering.synthetic.camera import INTRINSICS as K  # noqa: E402
 from graspcast.rendering.synthetic.tabletop import ColouredMesh  # noqa: E402
@@ -81,7 +81,7 @@ def test_terms_are_those_that_the_estimators_undo(objects: Objects) -> None:
     for k in range(len(batch.obj)):
         crop = Crop(*batch.crop[k].double().tolist())
         pose = raw()["cam_T_obj"][k].numpy()  # type: ignore[index]
-        rotation, site = crop.terms(pose, K, float(np.linalg.norm(SIZE)))
+        rotation, site = crop.encode_pose(pose, K, float(np.linalg.norm(SIZE)))
         np.testing.assert_allclose(batch.rotation[k], rotation, atol=1e-5)
         np.testing.assert_allclose(batch.site[k], site, atol=1e-4)
 
@@ -158,13 +158,13 @@ def test_the_estimators_read_what_the_losses_call_right(objects: Objects) -> Non
     batch = make_batch(raw(), objects, None)
     logits = said(batch, geometry, "dense")[:, :-1]  # type: ignore[index]
     for k in range(4):
-        read = _expected(logits[k].double().numpy().reshape(3, BINS, -1))
+        read = expected_coordinates(logits[k].double().numpy().reshape(3, BINS, -1))
         wanted = batch.coordinates[k].flatten(1).numpy()
         np.testing.assert_allclose(read, wanted, atol=2e-3)
     heat = said(batch, geometry, "keypoints")
     place = batch.project(geometry.keypoints[batch.obj])
     for k in range(4):
-        found, _ = _peaks(heat[k].double().numpy())  # type: ignore[index]
+        found, _ = heat_map_peaks(heat[k].double().numpy())  # type: ignore[index]
         np.testing.assert_allclose(found, place[k], atol=0.2 / HEAT_CELLS)
 
 

@@ -1,4 +1,4 @@
-"""The border to files of others: the BOP benchmark's formats and the paper authors' release.
+"""The BOP benchmark's file formats: datasets, models, images, results and detections.
 
-Millimetres become metres here and nowhere else.
+Millimetres are converted to metres here and nowhere else.
 """

@@ -1,4 +1,4 @@
-"""A BOP dataset's directory: ground truth, cameras, targets and models.
+"""BOP datasets: ground truth, cameras, targets and models of a directory.
 
 Layout: https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md
 """
@@ -18,7 +18,8 @@ from numpy import ndarray
 
 from graspcast.bop.images import find_images, read_image
 from graspcast.bop.models import Models
-from graspcast.bop.results import MAX_ROTATION_DEVIATION, checked_rotations
+from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
+from graspcast.bop.summary import summary
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError, InputError
 from graspcast.io.json import identifier, numbers, read_json, require
@@ -27,25 +28,25 @@ from graspcast.pose.transforms import transform
 __all__ = ["BopDataset", "Camera", "GroundTruth", "Target", "read_ground_truth", "read_targets"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GroundTruth:
-    """True poses of every annotated instance, image by image.
+    """Ground-truth poses of the annotated instances, image by image.
 
     Attributes
     ----------
     scene_id, im_id, obj_id
-        BOP numbers, (n,).
+        BOP ids, (n,).
     gt_id
-        Row of the instance among those of its image in ``scene_gt.json``, from 0, (n,).
+        Row of the instance in its image's list in ``scene_gt.json``, from 0, (n,).
     cam_T_obj
         Poses in metres, (n, 4, 4).
     visib_fract
-        Visible share of the silhouette, NaN where it is not stated, (n,).
+        Visible fraction of the silhouette, NaN if unknown, (n,).
     source
         Where they came from, for messages.
     box_xywh
-        Left, top, width, height of the whole silhouette in pixels, hidden parts included, NaN where
-        they are not stated, (n, 4).
+        Amodal bounding boxes: left, top, width, height of the whole silhouette in pixels,
+        occluded parts included, NaN if unknown, (n, 4).
     """
 
     scene_id: Int[ndarray, "n"]
@@ -60,10 +61,21 @@ class GroundTruth:
     def __len__(self) -> int:
         return len(self.obj_id)
 
+    def __repr__(self) -> str:
+        return f"GroundTruth({summary(self, 'pose')})"
+
 
 @dataclass(frozen=True)
 class Camera:
-    """Intrinsics of one image: the 3x3 matrix (pixels), and metres per depth unit."""
+    """The camera of an image.
+
+    Attributes
+    ----------
+    K
+        Intrinsics in pixels, (3, 3).
+    depth_scale_m
+        Metres per unit of the depth image.
+    """
 
     K: Float[ndarray, "3 3"]
     depth_scale_m: float
@@ -71,7 +83,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Target:
-    """One line of a targets file; ``obj_id`` and ``inst_count`` are None in the bop24 format."""
+    """One entry of a targets file; ``obj_id`` and ``inst_count`` are None in the bop24 format."""
 
     scene_id: int
     im_id: int
@@ -80,12 +92,17 @@ class Target:
 
 
 def _scenes(directory: Path, file: str) -> Iterator[tuple[int, Path]]:
-    """Scene number and path of ``file`` in each scene folder that has it."""
+    """Yield scene id and path of ``file`` in each scene folder that has it."""
     if not directory.is_dir():
-        raise InputError(f"{directory}: no such directory; it should hold scene folders (000001 …)")
+        raise InputError(
+            f"{directory}: no such directory; it should hold scene folders (000001 …)",
+            parameters=("ground_truth",),
+        )
     found = sorted(p for p in directory.iterdir() if p.name.isdigit() and (p / file).is_file())
     if not found:
-        raise InputError(f"{directory}: no scene folder here has a {file}")
+        raise InputError(
+            f"{directory}: no scene folder here has a {file}", parameters=("ground_truth",)
+        )
     for folder in found:
         yield int(folder.name), folder / file
 
@@ -93,7 +110,7 @@ def _scenes(directory: Path, file: str) -> Iterator[tuple[int, Path]]:
 def read_ground_truth(directory: str | PathLike[str]) -> GroundTruth:
     """Read ``scene_gt.json`` (and ``scene_gt_info.json`` where it exists) of all scene folders.
 
-    Rotations nearer than 0.02 to one (as in the official LM-O files) are projected.
+    Matrices within 0.02 of a rotation (as in the official LM-O files) are projected to it.
 
     Raises
     ------
@@ -152,7 +169,7 @@ def read_ground_truth(directory: str | PathLike[str]) -> GroundTruth:
 def _seen(
     entries: Any, count: int, path: Path, where: str
 ) -> tuple[list[float], list[Float[ndarray, "4"]]]:
-    """Visible shares and boxes of an image's instances, as ``scene_gt_info.json`` states them."""
+    """Return visible fractions and boxes of an image's instances, from ``scene_gt_info.json``."""
     unknown = np.full(4, np.nan)
     if entries is None:
         return [float("nan")] * count, [unknown] * count
@@ -169,7 +186,7 @@ def _seen(
 
 
 def read_targets(path: str | PathLike[str]) -> list[Target]:
-    """Read a targets file, bop19 (image, object, count) or bop24 (image alone).
+    """Read a targets file in the format bop19 (image, object, count) or bop24 (image only).
 
     Raises
     ------
@@ -197,18 +214,18 @@ def _camera(entry: Any, path: Path, where: str) -> Camera:
 
 
 class BopDataset:
-    """A BOP dataset directory, read when asked for; its name is the directory's.
+    """A BOP dataset's directory; files are read when they are first needed.
 
     Parameters
     ----------
     root
         The directory (``lmo``, ``ycbv``, …) with ``camera.json``, ``models`` and splits.
     ground_truth
-        Where the scene folders lie, if not in a split of ``root``.
+        The directory of the scene folders, if it is not a split of ``root``.
     split
-        The split that holds the scene folders.
+        The split whose scene folders are read.
     name
-        The dataset's name, if not the directory's.
+        The dataset's name; the directory's by default.
 
     Raises
     ------
@@ -226,21 +243,30 @@ class BopDataset:
     ):
         self.root = Path(root)
         if not self.root.is_dir():
-            raise InputError(f"{root}: no such directory; --bop takes a BOP dataset's directory")
+            raise InputError(
+                f"{root}: no such directory; a BOP dataset's directory is needed",
+                parameters=("bop",),
+            )
         self.name = name or self.root.resolve().name
         self.scenes = Path(ground_truth) if ground_truth else self.root / split
 
+    def __repr__(self) -> str:
+        return f"BopDataset({self.name}, {self.scenes})"
+
     @cached_property
     def models(self) -> Models:
-        """The evaluation models where the dataset has them, else its models."""
+        """The models in ``models_eval`` if the dataset has it, else in ``models``."""
         for folder in ("models_eval", "models"):
             if (self.root / folder / "models_info.json").is_file():
                 return Models(self.root / folder)
-        raise InputError(f"{self.root}: no models/models_info.json here; is it a BOP dataset?")
+        raise InputError(
+            f"{self.root}: no models/models_info.json here; is it a BOP dataset?",
+            parameters=("bop",),
+        )
 
     @cached_property
     def ground_truth(self) -> GroundTruth:
-        """All true poses of the split."""
+        """All ground-truth poses of the split."""
         return read_ground_truth(self.scenes)
 
     @cached_property
@@ -258,7 +284,7 @@ class BopDataset:
 
     @cached_property
     def scene_cameras(self) -> dict[tuple[int, int], Camera]:
-        """(scene, image) to its camera, from every ``scene_camera.json`` of the split."""
+        """Each image's camera by (scene_id, im_id), from the split's ``scene_camera.json``."""
         out = {}
         for scene_id, path in _scenes(self.scenes, "scene_camera.json"):
             for image, entry in read_json(path, dict).items():
@@ -267,14 +293,14 @@ class BopDataset:
         return out
 
     def camera_of(self, scene_id: int, im_id: int) -> Camera:
-        """The camera of an image: its own where the scene states one, else the dataset's."""
+        """Return the camera of an image: from ``scene_camera.json``, else the dataset's."""
         if any(self.scenes.glob("*/scene_camera.json")):
             return self.scene_cameras.get((scene_id, im_id), self.camera)
         return self.camera
 
     @cached_property
     def image_size(self) -> tuple[int, int] | None:
-        """Width and height of every image in pixels, where ``camera.json`` states them."""
+        """Width and height of every image in pixels; None if ``camera.json`` lacks them."""
         path = self.root / "camera.json"
         entry = read_json(path, dict) if path.is_file() else {}
         if "width" not in entry or "height" not in entry:
@@ -285,7 +311,7 @@ class BopDataset:
 
     @cached_property
     def images(self) -> dict[tuple[int, int], Path]:
-        """(scene, image) to its RGB file, of the split.
+        """Each image's RGB file by (scene_id, im_id), of the split.
 
         Raises
         ------
@@ -295,7 +321,7 @@ class BopDataset:
         return find_images(self.scenes)
 
     def image(self, scene_id: int, im_id: int) -> UInt8[ndarray, "h w 3"]:
-        """The RGB image, of the size that ``camera.json`` states.
+        """Read an RGB image, and check that it has the size in ``camera.json``.
 
         Raises
         ------

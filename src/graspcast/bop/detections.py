@@ -1,4 +1,4 @@
-"""2D detections: where a detector saw which object, the input of pose estimators.
+"""2D detections: objects and their bounding boxes in images, the input of pose estimators.
 
 Format: https://bop.felk.cvut.cz/challenges/bop-challenge-2022/ (Section 5.1), a JSON list of
 ``{scene_id, image_id, category_id, score, bbox, …}`` with the box as x, y, width, height in pixels.
@@ -6,7 +6,6 @@ Format: https://bop.felk.cvut.cz/challenges/bop-challenge-2022/ (Section 5.1), a
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -17,15 +16,18 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.bop.dataset import BopDataset, Target
+from graspcast.bop.dataset import BopDataset, GroundTruth, Target
+from graspcast.bop.summary import summary
 from graspcast.errors import FormatError, InputError
-from graspcast.io.files import write_text
-from graspcast.io.json import identifier, numbers, read_json, require
+from graspcast.io.json import identifier, numbers, read_json, require, write_json
 
 __all__ = ["Detections", "jittered", "read_detections", "write_detections"]
 
-MIN_VISIBLE_SHARE = 0.1
-"""Instances that are less visible are no targets in BOP (Hodan et al., BOP Challenge 2020, 2.1)."""
+MIN_VISIBLE_FRACTION = 0.1
+"""Visible fraction below which an instance is no target in BOP.
+
+Hodan et al., *BOP Challenge 2020*, Section 2.1.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,16 +37,16 @@ class Detections:
     Attributes
     ----------
     scene_id, im_id, obj_id
-        BOP numbers, (n,).
+        BOP ids, (n,).
     score
-        The detector's confidence, (n,); anything finite.
+        The detector's confidence, (n,); any finite number.
     box_xywh
-        Left, top, width, height in pixels, (n, 4). Amodal: a box encloses hidden parts too, so it
-        may reach beyond the image, but some of it lies in the image.
+        Left, top, width, height in pixels, (n, 4). Boxes are amodal: they enclose occluded parts
+        too, and may extend beyond the image, but overlap it.
     source
         The file they came from, for messages.
     detector
-        What made them, where that is stated.
+        What produced them, if the file states it.
     dropped
         How many entries were left out, by reason.
     """
@@ -61,13 +63,16 @@ class Detections:
     def __len__(self) -> int:
         return len(self.obj_id)
 
+    def __repr__(self) -> str:
+        return f"Detections({summary(self, 'detection')})"
+
     def select(self, which: Bool[ndarray, "n"] | Int[ndarray, "m"]) -> Detections:
-        """Some of the rows, by mask or by number."""
+        """Return some of the rows, by mask or by row number."""
         names = ("scene_id", "im_id", "obj_id", "score", "box_xywh")
         return replace(self, **{name: getattr(self, name)[which] for name in names})
 
     def images(self) -> dict[tuple[int, int], Detections]:
-        """(scene, image) to its detections, by number."""
+        """Group the detections by image: (scene_id, im_id), in ascending order, to detections."""
         rows: dict[tuple[int, int], list[int]] = {}
         for i, key in enumerate(zip(self.scene_id.tolist(), self.im_id.tolist(), strict=True)):
             rows.setdefault(key, []).append(i)
@@ -84,16 +89,15 @@ def read_detections(
     path
         The JSON file.
     dataset
-        Whose images and objects they are; checked against it if given.
+        The dataset that they should belong to; if given, images and objects are checked.
     lenient
-        Skip wrong entries and count them in ``dropped``, instead of raising.
+        Skip bad entries and count them in ``dropped``, instead of raising.
 
     Raises
     ------
     FormatError
-        Naming file and entry: a missing key, a number that is not finite, an empty box, the same
-        box twice; and, given a dataset, an image or an object that it has not, or a box beside the
-        image.
+        Naming file and entry: a missing key, a number that is not finite, an empty or a repeated
+        box; and, given a dataset, an unknown image or object, or a box outside of the image.
     """
     checks = _Checks(dataset)
     rows: list[tuple[int, int, int, float, list[float]]] = []
@@ -112,7 +116,7 @@ def read_detections(
         if problem := checks.unknown(row):
             reason, message = problem
             if not lenient:
-                raise FormatError(path, f"{message}; --lenient skips such entries", where=where)
+                raise FormatError(path, message, where=where, parameters=("lenient",))
             dropped[reason] += 1
             continue
         rows.append(row)
@@ -143,7 +147,7 @@ def _parse(entry: Any, path: str | PathLike[str], where: str) -> _Row:
 
 
 class _Checks:
-    """What the entries of one file must agree with: the dataset, and one another."""
+    """Checks of the entries of one file, against the dataset and against each other."""
 
     def __init__(self, dataset: BopDataset | None):
         self.dataset = dataset
@@ -171,7 +175,7 @@ class _Checks:
             raise FormatError(path, f"repeats the object and box of {first}", where=where)
 
     def unknown(self, row: _Row) -> tuple[str, str] | None:
-        """Reason and message, if the dataset has not the entry's image or object."""
+        """Return reason and message if the dataset lacks the entry's image or object, else None."""
         if self.dataset is None:
             return None
         scene_id, im_id, obj_id = row[:3]
@@ -194,23 +198,21 @@ def _meets(box_xywh: Iterable[float], size: tuple[int, int]) -> bool:
 
 
 def write_detections(path: str | PathLike[str], detections: Detections) -> None:
-    """Write a BOP detections file; :func:`read_detections` gives the very same numbers back."""
+    """Write a BOP detections file; :func:`read_detections` returns exactly the same numbers."""
     maker = {"detector": detections.detector} if detections.detector else {}
     entries = [
-        json.dumps(
-            {
-                "scene_id": int(detections.scene_id[i]),
-                "image_id": int(detections.im_id[i]),
-                "category_id": int(detections.obj_id[i]),
-                "score": float(detections.score[i]),
-                "bbox": detections.box_xywh[i].tolist(),
-                "time": -1.0,
-                **maker,
-            }
-        )
+        {
+            "scene_id": int(detections.scene_id[i]),
+            "image_id": int(detections.im_id[i]),
+            "category_id": int(detections.obj_id[i]),
+            "score": float(detections.score[i]),
+            "bbox": detections.box_xywh[i].tolist(),
+            "time": -1.0,
+            **maker,
+        }
         for i in range(len(detections))
     ]
-    write_text(path, "[\n" + ",\n".join(entries) + "\n]\n" if entries else "[]\n")
+    write_json(path, entries, one_entry_a_line=True)
 
 
 def jittered(
@@ -221,53 +223,49 @@ def jittered(
     shift: float = 0.05,
     scale: float = 0.05,
 ) -> Detections:
-    """Boxes of the ground truth, displaced at random: a stand-in for a detector, and no more.
+    """Make detections from ground-truth boxes by random displacement, in place of a detector.
 
-    The centre of each box moves by at most ``shift`` of its size, and each side grows or shrinks by
-    at most ``scale``, uniformly; a box that would then lie beside the image stays as it is. The
-    score is 1. No object is missed, confused or invented, so estimates from these boxes say nothing
-    about a detector: ``detector`` of the table, and of every entry of a file that is made of it,
-    says what they are. An instance's box depends on its numbers and the seed alone.
+    The centre of each box is moved by at most ``shift`` of its size, and each side is scaled by at
+    most ``scale``, uniformly at random; a box that would then lie outside of the image is left
+    unchanged. The score is 1. There are no false positives, no false negatives and no confused
+    classes, so estimates from these boxes say nothing about a detector; ``detector`` of the table,
+    and of every entry of a file written from it, says so. An instance's box depends only on its
+    ids and the seed.
 
     Parameters
     ----------
     dataset
-        With ``scene_gt_info.json``, whose ``bbox_obj`` are the boxes.
+        A dataset with ``scene_gt_info.json``, whose ``bbox_obj`` are the boxes.
     seed
-        Another seed moves the boxes otherwise.
+        Seed of the random displacements.
     targets
-        Only these objects, however little is visible of them; of a target that states no object,
-        all that are visible by at least 10 %, as of every image without targets.
+        Restrict the detections to these objects, at any visibility; for a target without an object
+        (bop24), to its image's objects that are at least 10 % visible. Without targets, all objects
+        that are at least 10 % visible.
     shift
-        Largest displacement as a share of width and height.
+        Largest displacement as a fraction of width and height.
     scale
-        Largest change of width and height as a share of them.
+        Largest change of width and height as a fraction of them.
 
     Raises
     ------
     InputError
-        If the ground truth states no boxes, or no instance is visible enough.
+        If the ground truth has no boxes, or no instance is visible enough.
     """
     truth = dataset.ground_truth
     if truth.box_xywh is None or np.isnan(truth.box_xywh).all():
-        raise InputError(f"{truth.source}: no scene_gt_info.json here states a bbox_obj")
-    keep = truth.visib_fract >= MIN_VISIBLE_SHARE
+        raise InputError(f"{truth.source}: no scene_gt_info.json here has a bbox_obj")
+    keep = truth.visib_fract >= MIN_VISIBLE_FRACTION
     if targets is not None:
         wanted = {(t.scene_id, t.im_id, t.obj_id) for t in targets}
         rows = np.column_stack([truth.scene_id, truth.im_id, truth.obj_id]).tolist()
         named = np.array([(s, i, o) in wanted for s, i, o in rows], dtype=bool)
         in_image = np.array([(s, i, None) in wanted for s, i, _ in rows], dtype=bool)
         keep = named | (in_image & keep)
-    keep &= (truth.box_xywh[:, 2:] > 0).all(axis=1)  # neither unstated nor out of sight
+    keep &= (truth.box_xywh[:, 2:] > 0).all(axis=1)  # neither unknown nor out of the image
     chosen = np.flatnonzero(keep)
     boxes = truth.box_xywh[chosen]
-    earlier: Counter[tuple[int, int, int]] = Counter()
-    number = []  # of each instance among those of its object in its image
-    for key in zip(
-        truth.scene_id.tolist(), truth.im_id.tolist(), truth.obj_id.tolist(), strict=True
-    ):
-        number.append(earlier[key])
-        earlier[key] += 1
+    number = _numbers_in_image(truth)
     for box, i in zip(boxes, chosen, strict=True):
         numbers_of = (truth.scene_id[i], truth.im_id[i], truth.obj_id[i], number[i])
         draw = np.random.default_rng([seed, *map(int, numbers_of)]).uniform(-1, 1, 4)
@@ -277,8 +275,7 @@ def jittered(
             box[:] = moved
     if not len(chosen):
         raise InputError(
-            f"{truth.source}: none of the wanted instances is visible by at least "
-            f"{MIN_VISIBLE_SHARE:.0%}"
+            f"{truth.source}: none of the instances is at least {MIN_VISIBLE_FRACTION:.0%} visible"
         )
     return Detections(
         scene_id=truth.scene_id[chosen],
@@ -289,3 +286,15 @@ def jittered(
         source=truth.source,
         detector=f"jittered ground truth, seed {seed}, not a detector",
     )
+
+
+def _numbers_in_image(truth: GroundTruth) -> list[int]:
+    """Count each instance among those of its object in its image, from 0."""
+    earlier: Counter[tuple[int, int, int]] = Counter()
+    out = []
+    for key in zip(
+        truth.scene_id.tolist(), truth.im_id.tolist(), truth.obj_id.tolist(), strict=True
+    ):
+        out.append(earlier[key])
+        earlier[key] += 1
+    return out

@@ -18,12 +18,12 @@ _KINDS = {"L": "is grayscale", "1": "is black and white", "P": "has a palette"}
 
 
 def find_images(directory: str | PathLike[str]) -> dict[tuple[int, int], Path]:
-    """(scene, image) to file, of every ``SCENE/rgb/IMAGE.png`` (``.jpg``, ``.webp``).
+    """Find the RGB images ``SCENE/rgb/IMAGE.png`` (``.jpg``, ``.webp``): (scene_id, im_id) to file.
 
     Raises
     ------
     InputError
-        If there are none, or an image is there twice.
+        If there are none, or two files hold the same image.
     """
     directory = Path(directory)
     out: dict[tuple[int, int], Path] = {}
@@ -32,7 +32,7 @@ def find_images(directory: str | PathLike[str]) -> dict[tuple[int, int], Path]:
         if scene.isdigit() and path.stem.isdigit() and path.suffix.lower() in ENDINGS:
             key = int(scene), int(path.stem)
             if key in out:
-                raise InputError(f"{path}: the same image as {out[key]}; remove one of them")
+                raise InputError(f"{path}: has the same scene and image as {out[key]}; remove one")
             out[key] = path
     if not out:
         raise InputError(
@@ -52,7 +52,7 @@ def read_image(
     path
         PNG, JPEG or WebP.
     size
-        The width and height that it must have, if any.
+        Width and height that it must have, if given.
 
     Raises
     ------
@@ -66,12 +66,12 @@ def read_image(
             if image.mode != "RGB":
                 kind = "has an alpha channel" if "A" in image.mode else None
                 kind = kind or _KINDS.get(image.mode, f"is of mode {image.mode}")
-                raise FormatError(path, f"{kind}, but an estimator takes three channels, RGB")
+                raise FormatError(path, f"{kind}, but an estimator needs three channels, RGB")
             if size is not None and image.size != size:
                 raise FormatError(
                     path,
                     f"has {image.width} x {image.height} pixels, but camera.json says "
-                    f"{size[0]} x {size[1]}; the camera's matrix is of that size alone",
+                    f"{size[0]} x {size[1]}, the size for which the intrinsics hold",
                 )
             return np.array(image)
     except Image.DecompressionBombError as error:

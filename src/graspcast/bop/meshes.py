@@ -20,20 +20,23 @@ __all__ = ["Mesh", "read_coloured_mesh", "read_mesh", "write_mesh"]
 _GREY = 150
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh:
     """A triangle mesh in the object's frame.
 
     Attributes
     ----------
     vertices
-        Metres, (v, 3), in the file's order; nothing is merged.
+        Metres, (v, 3), in the file's order; no vertices are merged.
     faces
-        Vertex numbers, (f, 3); empty for a point cloud.
+        Vertex indices, (f, 3); empty for a point cloud.
     """
 
     vertices: Float[ndarray, "v 3"]
     faces: Int[ndarray, "f 3"]
+
+    def __repr__(self) -> str:
+        return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} faces)"
 
 
 def read_mesh(path: str | PathLike[str]) -> Mesh:
@@ -48,10 +51,10 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
 
 
 def read_coloured_mesh(path: str | PathLike[str]) -> tuple[Mesh, UInt8[ndarray, "v 3"]]:
-    """Read a BOP model and the colour (RGB) of each vertex.
+    """Read a BOP model with the RGB colour of each vertex.
 
-    Colours are those of the vertices, or of the texture at each vertex; grey where the file has
-    neither.
+    The colours are the file's vertex colours, or those of its texture at each vertex; grey if it
+    has neither.
 
     Raises
     ------
@@ -63,7 +66,7 @@ def read_coloured_mesh(path: str | PathLike[str]) -> tuple[Mesh, UInt8[ndarray, 
     mesh = _mesh(path, loaded)
     colours = np.full(mesh.vertices.shape, _GREY, dtype=np.uint8)
     visual: Any = getattr(loaded, "visual", None)
-    if getattr(visual, "defined", False):  # a point cloud's says nothing of it
+    if getattr(visual, "defined", False):  # point clouds lack the attribute
         colours[:] = (visual if visual.kind == "vertex" else visual.to_color()).vertex_colors[:, :3]
     return mesh, colours
 
@@ -90,7 +93,7 @@ def _load(path: Path) -> Any:
             return trimesh.load(stream, file_type="ply", process=False, resolver=resolver)
     except OSError as error:
         raise FormatError(path, f"cannot be read ({error.strerror})") from error
-    except Exception as error:  # trimesh raises whatever its parser met
+    except Exception as error:  # trimesh raises many types
         raise FormatError(path, f"is not a PLY mesh ({error})") from error
 
 
@@ -98,11 +101,11 @@ def _mesh(path: Path, loaded: Any) -> Mesh:
     try:
         vertices = np.array(loaded.vertices, dtype=np.float64)
         faces = np.array(getattr(loaded, "faces", np.empty((0, 3))), dtype=np.int64)
-    except Exception as error:  # trimesh raises whatever its parser met
+    except Exception as error:  # trimesh raises many types
         raise FormatError(path, f"is not a PLY mesh ({error})") from error
     if len(vertices) == 0 or vertices.ndim != 2 or not np.isfinite(vertices).all():
         raise FormatError(path, "has no vertices, or some that are not finite numbers")
     faces = faces.reshape(-1, 3)
     if faces.size and (faces.min() < 0 or faces.max() >= len(vertices)):
-        raise FormatError(path, f"a face names a vertex beyond the {len(vertices)} there are")
+        raise FormatError(path, f"a face refers to a vertex beyond the {len(vertices)} there are")
     return Mesh(vertices=metres(vertices), faces=faces)

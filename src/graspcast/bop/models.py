@@ -1,4 +1,4 @@
-"""A BOP dataset's object models: sizes, symmetries and meshes."""
+"""BOP object models: sizes, symmetries and meshes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.bop.meshes import Mesh, read_mesh
-from graspcast.bop.results import MAX_ROTATION_DEVIATION, checked_rotations
+from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
+from graspcast.bop.summary import counted
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError, UnknownNameError
 from graspcast.io.json import identifier, numbers, read_json, require
@@ -23,12 +24,20 @@ from graspcast.pose.transforms import rotation_from_vector, transform
 __all__ = ["ContinuousSymmetry", "ModelInfo", "Models", "read_models_info"]
 
 _SYMMETRY_STEP = 0.01
-"""Largest move of a point, as a share of the diameter, between two discretised symmetries."""
+"""Largest displacement between two discretised symmetries, as a fraction of the diameter."""
 
 
 @dataclass(frozen=True)
 class ContinuousSymmetry:
-    """Any rotation about an axis: its direction and a point on it (metres, object frame)."""
+    """A continuous rotational symmetry, in the object's frame.
+
+    Attributes
+    ----------
+    axis
+        Direction of the axis, a unit vector.
+    offset
+        A point on the axis, metres.
+    """
 
     axis: Float[ndarray, "3"]
     offset: Float[ndarray, "3"]
@@ -41,11 +50,11 @@ class ModelInfo:
     Attributes
     ----------
     obj_id
-        The object's number.
+        The object's id.
     diameter_m
         The largest distance between two vertices.
     lower, size
-        Corner and extent of the bounding box, metres, (3,).
+        Minimum corner and side lengths of the bounding box, metres, (3,).
     discrete
         Symmetry transforms other than the identity, (s, 4, 4).
     continuous
@@ -61,16 +70,16 @@ class ModelInfo:
 
     @property
     def symmetric(self) -> bool:
-        """Whether any pose looks the same as another."""
+        """Whether the object has a symmetry other than the identity."""
         return bool(len(self.discrete) or self.continuous)
 
     @cached_property
     def symmetries(self) -> Float[ndarray, "s 4 4"]:
-        """Every symmetry as a transform, the identity first.
+        """All symmetries as transforms, (s, 4, 4), the identity first.
 
-        Continuous ones are sampled so finely that no point moves by more than 1 % of the
-        diameter from one to the next (Hodan et al., BOP Challenge 2020, Section 2.2), and combined
-        with the discrete ones.
+        Continuous symmetries are discretised so finely that no point moves by more than 1 % of the
+        diameter from one to the next (Hodan et al., *BOP Challenge 2020*, Section 2.2), and
+        combined with the discrete ones.
         """
         discrete = np.concatenate([np.eye(4)[None], self.discrete])
         if not self.continuous:
@@ -81,13 +90,13 @@ class ModelInfo:
         for symmetry in self.continuous:
             rotation = rotation_from_vector(angles[:, None] * symmetry.axis)
             about_axis = transform(rotation, symmetry.offset - rotation @ symmetry.offset)
-            # The discrete one first, then the turn about the object's axis.
+            # The rotation about the axis is applied first, then the discrete symmetry.
             out.append((discrete[:, None] @ about_axis[None]).reshape(-1, 4, 4))
         return np.concatenate(out)
 
 
 def read_models_info(path: str | PathLike[str]) -> dict[int, ModelInfo]:
-    """Read ``models_info.json``: object number to its sizes and symmetries.
+    """Read ``models_info.json``: sizes and symmetries by object id.
 
     Raises
     ------
@@ -148,7 +157,7 @@ def _continuous(
 
 
 class Models:
-    """A directory of models (``models_info.json`` and ``obj_000001.ply`` …), read when asked for.
+    """A directory of models: ``models_info.json`` and meshes, which are read on demand.
 
     Parameters
     ----------
@@ -166,13 +175,16 @@ class Models:
         self.info = read_models_info(self.directory / "models_info.json")
         self._meshes: dict[int, Mesh] = {}
 
+    def __repr__(self) -> str:
+        return f"Models({counted(len(self.info), 'object')}, {self.directory})"
+
     def __getitem__(self, obj_id: int) -> ModelInfo:
-        """The entry of an object.
+        """Return an object's entry of ``models_info.json``.
 
         Raises
         ------
         UnknownNameError
-            Listing the objects there are.
+            For an unknown id; the message lists the known ones.
         """
         if obj_id not in self.info:
             raise UnknownNameError(
@@ -184,7 +196,7 @@ class Models:
         return self.info[obj_id]
 
     def mesh(self, obj_id: int) -> Mesh:
-        """The mesh of an object, in metres; read once."""
+        """Return the mesh of an object, in metres; it is read once."""
         self[obj_id]
         if obj_id not in self._meshes:
             self._meshes[obj_id] = read_mesh(self.directory / f"obj_{obj_id:06d}.ply")

@@ -1,7 +1,7 @@
-"""BOP results CSV: the poses that one estimator saw in the images of one dataset.
+"""BOP results: the poses that one estimator found in the images of one dataset.
 
-Format: https://bop.felk.cvut.cz/challenges/ (``bop19``), one row per detected instance,
-``scene_id,im_id,obj_id,score,R,t,time`` with R row-major and t in millimetres.
+Format: https://bop.felk.cvut.cz/challenges/ (``bop19``), a CSV file with one row per detected
+instance, ``scene_id,im_id,obj_id,score,R,t,time``, with R row-major and t in millimetres.
 """
 
 from __future__ import annotations
@@ -10,51 +10,44 @@ import csv
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from math import isfinite
 from operator import itemgetter
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.bop.units import metres, millimetres
+from graspcast.bop.results_rows import COLUMNS, checked_rows, parse_rows
+from graspcast.bop.summary import summary
+from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError
 from graspcast.io.files import write_text
-from graspcast.pose.transforms import is_identity, project_to_rotation, transform
 
 __all__ = [
     "Results",
-    "checked_rotations",
     "dataset_of",
     "read_results",
     "score_order",
     "write_results",
 ]
 
-COLUMNS = ("scene_id", "im_id", "obj_id", "score", "R", "t", "time")
-MAX_ROTATION_DEVIATION = 0.02
-"""Frobenius distance to the nearest rotation from which a matrix is refused."""
-_ROUNDING = 1e-5
-"""Below this distance a matrix is a rotation written in single precision, and is left alone."""
-_MIN_MEDIAN_DISTANCE_MM = 10.0
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Results:
     """Estimated poses, in the order of the file.
 
     Attributes
     ----------
     scene_id, im_id, obj_id
-        BOP numbers, (n,).
+        BOP ids, (n,).
     score
-        The estimator's own confidence, (n,); anything finite.
+        The estimator's own confidence, (n,); any finite number.
     cam_T_obj
         Poses in metres, (n, 4, 4).
     time_s
-        Seconds that the image took, -1 if unknown, (n,).
+        Seconds that the estimator took for the image, -1 if unknown, (n,).
     line
         Line number in the file, 0 if there is none, (n,).
     source
@@ -73,65 +66,170 @@ class Results:
     source: str = "results"
     dropped: Mapping[str, int] = field(default_factory=dict)
 
+    @classmethod
+    def from_frame(
+        cls,
+        frame: Any,
+        *,
+        source: str = "table",
+        lenient: bool = False,
+        placeholders: bool = False,
+    ) -> Results:
+        """Convert a table with BOP's columns, checked as :func:`read_results` checks a file.
+
+        Parameters
+        ----------
+        frame
+            A pandas or polars DataFrame, or a dict of arrays or lists, with the columns
+
+            - ``scene_id``, ``im_id``, ``obj_id``: integers;
+            - ``score``: finite numbers;
+            - ``R`` and ``t``: the rotation matrix, nine numbers row by row or 3x3, and the
+              translation in **millimetres**, each as an array, a list or, as in a file, text; or,
+              instead of both, ``cam_T_obj``: the pose as a 4x4 matrix in **metres**;
+            - ``time``, optional: seconds that the image took, -1 if unknown.
+
+            Other columns are ignored.
+        source
+            What the table is called in messages.
+        lenient
+            Skip bad rows and count them in ``dropped["bad row"]``, instead of raising.
+        placeholders
+            Keep placeholders (identity poses, for "nothing found").
+
+        Raises
+        ------
+        FormatError
+            Naming the row and what is wrong with it; see :func:`read_results`.
+
+        Examples
+        --------
+        >>> Results.from_frame(
+        ...     {
+        ...         "scene_id": [1],
+        ...         "im_id": [3],
+        ...         "obj_id": [5],
+        ...         "score": [0.9],
+        ...         "R": [[1, 0, 0, 0, 1, 0, 0, 0, 1]],
+        ...         "t": [[10.0, -20.0, 900.0]],
+        ...     }
+        ... )
+        Results(1 pose of 1 object in 1 image, table)
+        """
+        columns = _columns_of(frame, source)
+        rows = list(zip(*columns.values(), strict=True))
+        parsed = parse_rows(source, "row", range(len(rows)), rows, lenient=lenient)
+        results = cls(**checked_rows(parsed, placeholders=placeholders))
+        return replace(results, line=np.zeros_like(results.line))
+
     def __len__(self) -> int:
         return len(self.obj_id)
 
+    def __repr__(self) -> str:
+        return f"Results({summary(self, 'pose')})"
+
     def select(self, which: Bool[ndarray, "n"] | Int[ndarray, "m"]) -> Results:
-        """Some of the rows, by mask or by number."""
+        """Return some of the rows, by mask or by row number."""
         names = ("scene_id", "im_id", "obj_id", "score", "cam_T_obj", "time_s", "line")
         return replace(self, **{name: getattr(self, name)[which] for name in names})
 
 
+def score_order(results: Results) -> Int[ndarray, "n"]:
+    """Sort detections by decreasing score, ties by pose.
+
+    Rows with equal scores are sorted by the pose: smaller t_z first (the nearer object), then t_x,
+    t_y, then the nine entries of the rotation matrix, row by row. So the order of the rows in the
+    file does not matter, except between rows with the same score and the same pose.
+
+    Parameters
+    ----------
+    results
+        The detections.
+
+    Returns
+    -------
+    Row numbers, the highest score first, (n,).
+    """
+    x, y, z = results.cam_T_obj[:, :3, 3].T
+    rotation = results.cam_T_obj[:, :3, :3].reshape(-1, 9)
+    # The last key of lexsort is the first to be compared.
+    return np.lexsort((*rotation.T[::-1], y, x, z, -results.score))
+
+
 def dataset_of(path: str | PathLike[str]) -> str | None:
-    """The dataset that a results file's name states (``METHOD_DATASET-SPLIT.csv``), if any."""
+    """Parse the dataset from a results file's name (``METHOD_DATASET-SPLIT.csv``).
+
+    Returns
+    -------
+    The dataset's name, None if the file's name has another form.
+    """
     match = re.fullmatch(r".+_([A-Za-z0-9]+)-[A-Za-z0-9_]+", Path(path).stem)
     return match.group(1) if match else None
 
 
-def _whole(text: str) -> int:
-    value = int(text)
-    if not 0 <= value < 2**31:
-        raise ValueError
-    return value
+def read_results(
+    path: str | PathLike[str], *, lenient: bool = False, placeholders: bool = False
+) -> Results:
+    """Read a BOP results CSV.
+
+    Rows whose pose is the identity with zero translation are an estimator's placeholder for
+    "nothing found"; they are dropped and counted in ``dropped["placeholder"]``.
+
+    Parameters
+    ----------
+    path
+        The file.
+    lenient
+        Skip bad rows and count them in ``dropped["bad row"]``, instead of raising.
+    placeholders
+        Keep placeholders (the paper's tables count them as estimates).
+
+    Raises
+    ------
+    FormatError
+        Naming file, line and remedy: a missing column, a field of the wrong type, a matrix further
+        than 0.02 from a rotation, a repeated row, or translations that look like metres.
+    """
+    path = Path(path)
+    lines, rows, short = [], [], 0
+    for line, fields in _csv_rows(path):
+        if fields is not None:
+            lines.append(line)
+            rows.append(fields)
+        elif lenient:
+            short += 1
+        else:
+            raise FormatError(
+                path,
+                f"does not have the {len(COLUMNS)} fields of the header",
+                where=f"line {line}",
+                parameters=("lenient",),
+            )
+    parsed = parse_rows(path, "line", lines, rows, lenient=lenient)
+    parsed.bad += short
+    return Results(**checked_rows(parsed, placeholders=placeholders))
 
 
-def _finite(text: str) -> float:
-    value = float(text)
-    if not isfinite(value):
-        raise ValueError
-    return value
+def write_results(path: str | PathLike[str], results: Results) -> None:
+    """Write a BOP results CSV; :func:`read_results` returns exactly the same poses."""
+    translation_mm = millimetres(results.cam_T_obj[:, :3, 3])
+    lines = [",".join(COLUMNS)]
+    for i in range(len(results)):
+        time_s = float(results.time_s[i])
+        lines.append(
+            f"{results.scene_id[i]},{results.im_id[i]},{results.obj_id[i]},"
+            f"{float(results.score[i])!r},{_join(results.cam_T_obj[i, :3, :3])},"
+            f"{_join(translation_mm[i])},{'-1' if time_s == -1 else repr(time_s)}"
+        )
+    write_text(path, "\n".join(lines) + "\n")
 
 
-def _duration(text: str) -> float:
-    value = _finite(text)
-    if value < 0 and value != -1:
-        raise ValueError
-    return value
+def _join(values: ndarray) -> str:
+    return " ".join(repr(float(v)) for v in values.ravel())
 
 
-def _numbers(count: int) -> Callable[[str], list[float]]:
-    def parse(text: str) -> list[float]:
-        values = [float(part) for part in text.split()]
-        if len(values) != count or not all(map(isfinite, values)):
-            raise ValueError
-        return values
-
-    return parse
-
-
-_PARSERS: dict[str, tuple[Callable[[str], object], str]] = {
-    "scene_id": (_whole, "a whole number, 0 or more"),
-    "im_id": (_whole, "a whole number, 0 or more"),
-    "obj_id": (_whole, "a whole number, 0 or more"),
-    "score": (_finite, "a finite number"),
-    "R": (_numbers(9), "nine finite numbers, row by row, separated by spaces"),
-    "t": (_numbers(3), "three finite numbers in millimetres, separated by spaces"),
-    "time": (_duration, "seconds, or -1 if unknown"),
-}
-
-
-def _rows(path: Path) -> Iterator[tuple[int, tuple[str, ...] | None]]:
-    """Line number and the fields of ``COLUMNS``; None for a row with too few or too many fields."""
+def _csv_rows(path: Path) -> Iterator[tuple[int, tuple[str, ...] | None]]:
+    """Yield line number and the fields of ``COLUMNS``; None for too few or too many fields."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             reader = csv.reader(stream, strict=True)
@@ -157,150 +255,37 @@ def _rows(path: Path) -> Iterator[tuple[int, tuple[str, ...] | None]]:
         raise FormatError(path, f"is not a CSV file ({error})") from error
 
 
-def _problem(fields: tuple[str, ...]) -> str | None:
-    """What is wrong with the first bad field of a row, if any."""
-    for name, text in zip(COLUMNS, fields, strict=True):
-        parse, expected = _PARSERS[name]
-        try:
-            parse(text)
-        except ValueError:
-            return f"{name} is {text!r}, but should be {expected}"
-    return None
-
-
-def checked_rotations(
-    matrices: Float[ndarray, "n 3 3"],
-) -> tuple[Float[ndarray, "n 3 3"], Float[ndarray, "n"]]:
-    """Matrices with slightly bad ones replaced by the nearest rotation, and the distances.
-
-    The distance is Frobenius; a distance up to 1e-5 is rounding and changes nothing; the caller
-    refuses those over :data:`MAX_ROTATION_DEVIATION`.
-    """
-    nearest = project_to_rotation(matrices)
-    distance = np.linalg.norm(matrices - nearest, axis=(-2, -1))
-    return np.where(distance[:, None, None] > _ROUNDING, nearest, matrices), distance
-
-
-def read_results(
-    path: str | PathLike[str], *, lenient: bool = False, placeholders: bool = False
-) -> Results:
-    """Read a BOP results CSV.
-
-    Rows whose pose is the identity with zero translation are an estimator's placeholder for
-    'nothing found'; they are dropped and counted in ``dropped["placeholder"]``.
-
-    Parameters
-    ----------
-    path
-        The file.
-    lenient
-        Skip bad rows and count them in ``dropped["bad row"]``, instead of raising.
-    placeholders
-        Keep placeholders (the paper's tables count them as estimates).
-
-    Raises
-    ------
-    FormatError
-        Naming file, line and remedy: a missing column, a field that is not what it should be, a
-        matrix further than 0.02 from a rotation, the same row twice, or translations that look like
-        metres.
-    """
-    path = Path(path)
-    bad = 0
-    lines: list[int] = []
-    rows: list[tuple[str, ...]] = []
-
-    def reject(line: int, problem: str) -> None:
-        nonlocal bad
-        bad += 1
-        if not lenient:
-            raise FormatError(path, f"{problem}; --lenient skips such rows", where=f"line {line}")
-
-    for line, fields in _rows(path):
-        if fields is None:
-            reject(line, f"has not the {len(COLUMNS)} fields of the header")
-        elif problem := _problem(fields) if lenient else None:
-            reject(line, problem)
-        else:
-            lines.append(line)
-            rows.append(fields)
-    try:
-        texts = zip(*rows, strict=True) if rows else [()] * len(COLUMNS)
-        columns = {
-            name: list(map(_PARSERS[name][0], column))
-            for name, column in zip(COLUMNS, texts, strict=True)
-        }
-    except ValueError:  # whole columns are fast; only a bad file is gone through row by row
-        for line, fields in zip(lines, rows, strict=True):
-            if problem := _problem(fields):
-                reject(line, problem)
-        raise
-    count = len(lines)
-    rotation = np.array(columns["R"], dtype=np.float64).reshape(count, 3, 3)
-    translation_mm = np.array(columns["t"], dtype=np.float64).reshape(count, 3)
-    placeholder = is_identity(transform(rotation, translation_mm)) & (not placeholders)
-    keep = ~placeholder
-    rotation, distance = checked_rotations(rotation)
-    for i in np.flatnonzero((distance > MAX_ROTATION_DEVIATION) & keep):
-        reject(lines[i], f"R is {distance[i]:.3g} away from the nearest rotation matrix")
-        keep[i] = False
-    keys = np.array([columns[k] for k in ("scene_id", "im_id", "obj_id")], dtype=np.int64).T
-    seen: dict[tuple[object, ...], int] = {}
-    once = len(np.unique(keys, axis=0)) == count  # as nearly always: then no row can be repeated
-    for i in np.flatnonzero(keep & (not once)):
-        key = (*keys[i].tolist(), rotation[i].tobytes(), translation_mm[i].tobytes())
-        if (first := seen.setdefault(key, lines[i])) != lines[i]:
-            reject(lines[i], f"repeats the instance and pose of line {first}")
-            keep[i] = False
-    if keep.any():
-        median = float(np.median(np.linalg.norm(translation_mm[keep], axis=-1)))
-        if median < _MIN_MEDIAN_DISTANCE_MM:
-            raise FormatError(
-                path,
-                f"the median distance is {median:.3g} mm; t seems to be in metres, but BOP results "
-                "are in millimetres: multiply t by 1000",
-            )
-    dropped = {"placeholder": int(placeholder.sum()), "bad row": bad}
-    keys = keys[keep].reshape(-1, 3)
-    return Results(
-        scene_id=keys[:, 0],
-        im_id=keys[:, 1],
-        obj_id=keys[:, 2],
-        score=np.array(columns["score"], dtype=np.float64)[keep],
-        cam_T_obj=transform(rotation[keep], metres(translation_mm[keep])),
-        time_s=np.array(columns["time"], dtype=np.float64)[keep],
-        line=np.array(lines, dtype=np.int64)[keep],
-        source=str(path),
-        dropped={reason: n for reason, n in dropped.items() if n},
-    )
-
-
-def _join(values: ndarray) -> str:
-    return " ".join(repr(float(v)) for v in values.ravel())
-
-
-def write_results(path: str | PathLike[str], results: Results) -> None:
-    """Write a BOP results CSV; :func:`read_results` gives the very same poses back."""
-    translation_mm = millimetres(results.cam_T_obj[:, :3, 3])
-    lines = [",".join(COLUMNS)]
-    for i in range(len(results)):
-        time_s = float(results.time_s[i])
-        lines.append(
-            f"{results.scene_id[i]},{results.im_id[i]},{results.obj_id[i]},"
-            f"{float(results.score[i])!r},{_join(results.cam_T_obj[i, :3, :3])},"
-            f"{_join(translation_mm[i])},{'-1' if time_s == -1 else repr(time_s)}"
+def _columns_of(frame: Any, source: str) -> dict[str, list[Any]]:
+    """Return the cells of ``COLUMNS`` of a table, those of ``cam_T_obj`` as R and t."""
+    names = list(getattr(frame, "columns", frame))
+    poses = "cam_T_obj" in names
+    needed = [*COLUMNS[:4], *(["cam_T_obj"] if poses else ["R", "t"])]
+    if missing := [name for name in needed if name not in names]:
+        raise FormatError(
+            source,
+            f"no column {', '.join(map(repr, missing))}; found {', '.join(map(str, names))}; "
+            "columns are scene_id, im_id, obj_id, score, either R and t (mm) or cam_T_obj (m), "
+            "and time if it is known",
         )
-    write_text(path, "\n".join(lines) + "\n")
+    cells = {name: _cells(frame[name]) for name in [*needed, *({"time"} & {*names})]}
+    cells.setdefault("time", [-1.0] * len(cells["score"]))
+    if len({len(column) for column in cells.values()}) > 1:
+        lengths = ", ".join(f"{name} {len(column)}" for name, column in cells.items())
+        raise FormatError(source, f"the columns have different lengths: {lengths}")
+    if poses:
+        try:
+            matrices = np.array([np.stack(cell) for cell in cells.pop("cam_T_obj")], np.float64)
+            matrices = matrices.reshape(-1, 4, 4)
+        except (TypeError, ValueError) as error:
+            raise FormatError(source, "cam_T_obj should be 4x4 matrices of numbers") from error
+        if not (matrices[:, 3] == [0, 0, 0, 1]).all():
+            raise FormatError(source, "the last row of every cam_T_obj should be 0, 0, 0, 1")
+        cells["R"] = matrices[:, :3, :3].tolist()
+        cells["t"] = millimetres(matrices[:, :3, 3]).tolist()
+    return {name: cells[name] for name in COLUMNS}
 
 
-def score_order(results: Results) -> Int[ndarray, "n"]:
-    """Return the rows by decreasing score, so that the order of rows in the file does not matter.
-
-    Equal scores are ordered by the pose: first the one nearer to the camera (smaller z), then by
-    smaller x, smaller y, and the nine entries of the rotation, row by row. Rows that are equal in
-    all of these are the same estimate.
-    """
-    position, rotation = results.cam_T_obj[:, :3, 3], results.cam_T_obj[:, :3, :3].reshape(-1, 9)
-    # np.lexsort's last key is the first to decide.
-    columns = [*rotation.T[::-1], position[:, 1], position[:, 0], position[:, 2], -results.score]
-    return np.lexsort(columns)
+def _cells(column: Any) -> list[Any]:
+    to_list: Callable[[], list[Any]] | None
+    to_list = getattr(column, "to_list", None) or getattr(column, "tolist", None)
+    return to_list() if to_list else list(column)

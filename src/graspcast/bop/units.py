@@ -1,4 +1,4 @@
-"""The one place where millimetres meet metres."""
+"""Conversion between millimetres, in BOP's files, and metres."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ __all__ = ["metres", "millimetres"]
 
 
 def metres(length_mm: Float[ndarray, "..."]) -> Float[ndarray, "..."]:
-    """Millimetres to metres."""
+    """Convert millimetres to metres."""
     return np.divide(length_mm, 1000.0, out=np.empty(np.shape(length_mm)))
 
 
 def millimetres(length_m: Float[ndarray, "..."]) -> Float[ndarray, "..."]:
-    """Metres to millimetres, such that :func:`metres` gives the very same number back.
+    """Convert metres to millimetres so that :func:`metres` returns exactly the same numbers.
 
-    A product with 1000 is rounded, so the nearest product is not always the one whose quotient
-    is the number we started from; where it is not, a neighbour is taken if that is exact.
+    The product with 1000 is rounded, and its quotient by 1000 may be another number than the one
+    before; then the neighbouring float is used if its quotient is exact.
     """
     out: ndarray = np.multiply(length_m, 1000.0, out=np.empty(np.shape(length_m)))
     for direction in (-np.inf, np.inf):

@@ -42,19 +42,22 @@ def add(verbs: Verbs) -> None:
         _errors,
         "pose errors of each estimator and object",
         "Print the pose errors of each estimator and object against ground truth: rotation,\n"
-        "translation, the share of it along the viewing ray, ADD, ADD-S, MSSD and MSPD.",
+        "translation and its share along the viewing ray, ADD, ADD-S, MSSD and MSPD.",
     )
     add_inputs(verb, bop_required=True)
     verb.add_argument(
         "--statistic", choices=("mean", "median"), default="median", help="default: median"
     )
     verb.add_argument(
-        "--out", metavar="PATH", type=Path, help="write every estimate's errors (CSV or Parquet)"
+        "--out",
+        metavar="PATH",
+        type=Path,
+        help="write the errors of every estimate (CSV or Parquet)",
     )
     verb.add_argument(
         "--shape",
         action="store_true",
-        help="print tails instead, and whether estimators fail on the same instances",
+        help="print the tails of the errors instead, and their correlation between estimators",
     )
     add_json(verb)
 
@@ -73,10 +76,10 @@ def _errors(options: argparse.Namespace) -> None:
     parts, figures = [], {}
     with progress_bar("measuring") as move:
         for i, (dataset, estimator, results) in enumerate(jobs):
-            words = f"measuring {estimator} on {dataset}"
+            message = f"measuring {estimator} on {dataset}"
 
-            def step(share: float, _: str, i: int = i, words: str = words) -> None:
-                move((i + share) / len(jobs), words)
+            def step(share: float, _: str = "", *, i: int = i, message: str = message) -> None:
+                move((i + share) / len(jobs), message)
 
             errors = measure(results, inputs.datasets[dataset], only=only, progress=step)
             if without := len(results) - len(errors):
@@ -117,7 +120,7 @@ def _print_errors(figures: Mapping[tuple[str, str], DataFrame], statistic: str) 
 
 
 def _shape(parts: Sequence[DataFrame]) -> dict[str, Any]:
-    """Print tails and correlations of each dataset; the figures for JSON."""
+    """Print tails and correlations of each dataset, and return them for JSON."""
     from graspcast.estimates.error_statistics import correlations, tails
 
     by_dataset: dict[str, dict[str, DataFrame]] = {}
@@ -143,7 +146,7 @@ def _shape(parts: Sequence[DataFrame]) -> dict[str, Any]:
 
 
 def _cells(row: Sequence[Any]) -> list[str]:
-    """The first cell names; numbers below one are shares."""
+    """Format a row's cells: the first is a name, floats get two decimals."""
     first = "all" if row[0] is None else str(row[0])
     rest = ["-" if x is None else f"{x:.2f}" if isinstance(x, float) else str(x) for x in row[1:]]
     return [first, *rest]

@@ -1,4 +1,4 @@
-"""The verb ``estimate``: from images to poses."""
+"""The verb ``estimate``: poses of detected objects."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def add(verbs: Verbs) -> None:
         "estimate",
         _estimate,
         "poses of detected objects, by a built-in estimator or any command",
-        "Estimate the pose of each detected object and write a BOP results CSV: by an estimator\n"
-        "that comes with graspcast (dense, direct, keypoints), or by any command that writes such\n"
-        "a file, in an environment of its own. {bop}, {detections} and {out} in the command stand\n"
-        "for the dataset's directory, the detections file and the file to write:\n\n"
+        "Estimate the pose of each detected object and write a BOP results CSV, with a built-in\n"
+        "estimator (dense, direct, keypoints), or with any command that writes such a file, in an\n"
+        "environment of its own. In the command, {bop}, {detections} and {out} are replaced by\n"
+        "the dataset's directory, the detections file and the file to write:\n\n"
         "  --estimator 'other-env/bin/python infer.py --images {bop} --boxes {detections} "
         "--save {out}'",
     )
@@ -37,7 +37,7 @@ def add(verbs: Verbs) -> None:
         "--bop", metavar="DIR", type=Path, required=True, help="BOP dataset directory with images"
     )
     verb.add_argument(
-        "--split", metavar="NAME", default="test", help="its scene folders (default: test)"
+        "--split", metavar="NAME", default="test", help="the split with the images (default: test)"
     )
     verb.add_argument(
         "--detections",
@@ -47,18 +47,28 @@ def add(verbs: Verbs) -> None:
         help="2D detections, as in the BOP Challenge (JSON)",
     )
     verb.add_argument(
-        "--estimator", metavar="NAME|COMMAND", required=True, help="a built-in one, or a command"
+        "--estimator",
+        metavar="NAME|COMMAND",
+        required=True,
+        help="a built-in estimator, or a command",
     )
     verb.add_argument(
-        "--weights", metavar="FILE", type=Path, help="own weights (ONNX) of a built-in estimator"
+        "--weights",
+        metavar="FILE",
+        type=Path,
+        help="your own weights (ONNX) for a built-in estimator",
     )
     verb.add_argument(
-        "--timeout", metavar="S", type=_seconds, help="end the command after so many seconds"
+        "--timeout",
+        metavar="S",
+        type=_seconds,
+        dest="timeout_s",
+        help="stop the command after this time, seconds",
     )
     verb.add_argument(
         "--lenient",
         action="store_true",
-        help="leave out wrong entries and unknown objects, and count them",
+        help="skip bad entries and unknown objects, and count them",
     )
     add_out(verb, "the poses (BOP results CSV, METHOD_DATASET-test.csv)")
 
@@ -82,11 +92,14 @@ def _estimate(options: argparse.Namespace) -> None:
     is_command = "{" in name or len(name.split()) > 1
     if not is_command and name not in BUILT_IN:
         raise UnknownNameError(
-            "estimator", name, BUILT_IN, hint="An own one is a command that writes to {out}"
+            "estimator",
+            name,
+            BUILT_IN,
+            hint="Other estimators are commands that write to {out}",
         )
     if is_command and options.weights:
-        raise InputError("--weights is for a built-in estimator; a command is told in its words")
-    if not is_command and options.timeout:
+        raise InputError("--weights is for a built-in estimator; put them into the command instead")
+    if not is_command and options.timeout_s:
         raise InputError(f"--timeout is for a command; {name} is built in")
     dataset = BopDataset(options.bop, split=options.split)
     detections = read_detections(options.detections, dataset, lenient=options.lenient)
@@ -94,7 +107,7 @@ def _estimate(options: argparse.Namespace) -> None:
     if detections.detector:
         note(f"{detections.source}: {detections.detector}")
     if not len(detections):
-        raise InputError(f"{detections.source}: no detection to estimate from")
+        raise InputError(f"{detections.source}: holds no detection")
     run = _by_command if is_command else _by_built_in
     results = run(options, dataset, detections)
     _note_dropped(results)
@@ -103,7 +116,9 @@ def _estimate(options: argparse.Namespace) -> None:
         for table in (detections, results)
     )
     if without := len(asked - answered):
-        note(f"{without} of {len(asked)} images with detections have no pose; is the file whole?")
+        note(
+            f"{without} of {len(asked)} images with detections have no pose; is the file complete?"
+        )
     print_text(
         f"{options.out}: {len(results)} poses in {len(answered)} images, from {len(detections)} "
         f"detections in {len(asked)}"
@@ -126,8 +141,6 @@ def _by_built_in(
 def _by_command(
     options: argparse.Namespace, dataset: BopDataset, detections: Detections
 ) -> Results:
-    from rich.markup import escape
-
     from graspcast.perception.run import run_external
 
     with progress_bar("the command runs") as move:
@@ -136,9 +149,9 @@ def _by_command(
             dataset,
             detections,
             options.out,
-            timeout_s=options.timeout,
+            timeout_s=options.timeout_s,
             lenient=options.lenient,
-            say=lambda line: move(0.0, escape(line[-60:])),
+            progress=lambda share, line: move(share, line[-60:]),
         )
 
 

@@ -20,12 +20,14 @@ def add(verbs: Verbs) -> None:
         verbs,
         "import-release",
         _import_release,
-        "turn the paper authors' release into BOP files",
-        "Turn a checkout of the paper authors' repository into BOP results CSVs, ground truth,\n"
-        "outcomes and split, one folder a dataset; every pose comes back exactly.",
+        "convert the paper authors' release to BOP files",
+        "Convert a checkout of the paper authors' repository to BOP results CSVs, ground truth,\n"
+        "outcomes and split, one directory per dataset. Poses are converted exactly.",
     )
     verb.add_argument("release", metavar="RELEASE_DIR", type=Path, help="the checkout")
-    verb.add_argument("out", metavar="OUT_DIR", type=Path, help="where lmo/ and ycbv/ are made")
+    verb.add_argument(
+        "out", metavar="OUT_DIR", type=Path, help="directory in which lmo/ and ycbv/ are created"
+    )
 
 
 def _import_release(options: argparse.Namespace) -> None:
@@ -35,5 +37,5 @@ def _import_release(options: argparse.Namespace) -> None:
         poses = ", ".join(f"{name} {n}" for name, n in found.estimates.items())
         print_text(
             f"{found.dataset}: poses {poses}; trials {found.trials}; instances {found.instances}, "
-            f"of which {found.unseen} without a pose, since no estimator found them"
+            f"{found.unseen} of them without a pose, since no estimator found them"
         )

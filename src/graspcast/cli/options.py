@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from graspcast.cli.console import note
-from graspcast.errors import InputError
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
@@ -215,15 +214,9 @@ def write_json(path: Path | None, content: Any) -> None:
     """Write figures where ``--json`` said, if it did."""
     if path is None:
         return
-    import json
+    from graspcast.io import json
 
-    from graspcast.io.files import write_text
-
-    try:
-        text = json.dumps(content, indent=2, allow_nan=False)
-    except ValueError as error:
-        raise InputError(f"{path}: a figure is not a finite number") from error
-    write_text(path, text + "\n")
+    json.write_json(path, content)
 
 
 def bop_dirs_of(options: argparse.Namespace) -> dict[str, Path]:

@@ -1,4 +1,4 @@
-"""The verb ``render``: images with ground truth."""
+"""The verb ``render``: synthetic images with ground truth."""
 
 from __future__ import annotations
 
@@ -18,35 +18,51 @@ def add(verbs: Verbs) -> None:
         verbs,
         "render",
         _render,
-        "images of cluttered tables with ground truth, as a BOP dataset",
-        "Drop objects and clutter on a table, let physics bring them to rest, and render the\n"
-        "table from many sides in varied light: a BOP dataset with ground truth, visibility,\n"
-        "cameras, targets and models. The objects are those of any BOP directory of models, or\n"
-        "six of the YCB set, painted by rule.",
+        "render a synthetic BOP dataset of objects on tables",
+        "Simulate objects and clutter that fall on a table, and render the table from random\n"
+        "views in random light: a BOP dataset with images, ground truth, visibility, cameras,\n"
+        "targets and models. The objects are those of any BOP directory of models, or six of the\n"
+        "YCB set with procedural colours.",
     )
     verb.add_argument(
         "--models",
         metavar="DIR",
         type=Path,
-        help="BOP directory of models (models_info.json, obj_000001.ply …); if left out, painted "
+        help="BOP directory of models (models_info.json, obj_000001.ply …); by default six "
         "YCB objects",
     )
     verb.add_argument(
-        "--objects", metavar="N", type=int, nargs="+", default=[], help="only these, by number"
-    )
-    verb.add_argument("--scenes", metavar="N", type=int, default=20, help="tables (default: 20)")
-    verb.add_argument(
-        "--images", metavar="N", type=int, default=10, help="of each table (default: 10)"
-    )
-    verb.add_argument("--seed", metavar="N", type=int, default=0, help="(default: 0)")
-    verb.add_argument("--split", metavar="NAME", default="test", help="(default: test)")
-    verb.add_argument(
-        "--format", metavar="jpg|png|webp", default="jpg", help="of the images (default: jpg)"
+        "--objects",
+        metavar="N",
+        type=int,
+        nargs="+",
+        default=[],
+        help="restrict to these object ids",
     )
     verb.add_argument(
-        "--quality", metavar="N", type=int, default=85, help="of jpg and webp (default: 85)"
+        "--scenes", metavar="N", type=int, default=20, help="number of tables (default: 20)"
     )
-    add_out(verb, "the dataset's directory; its name is the dataset's")
+    verb.add_argument(
+        "--images", metavar="N", type=int, default=10, help="images of each table (default: 10)"
+    )
+    verb.add_argument("--seed", metavar="N", type=int, default=0, help="random seed (default: 0)")
+    verb.add_argument(
+        "--split", metavar="NAME", default="test", help="name of the split (default: test)"
+    )
+    verb.add_argument(
+        "--format",
+        metavar="jpg|png|webp",
+        default="jpg",
+        help="format of the images (default: jpg)",
+    )
+    verb.add_argument(
+        "--quality",
+        metavar="N",
+        type=int,
+        default=85,
+        help="quality of jpg and webp, 1 to 100 (default: 85)",
+    )
+    add_out(verb, "the dataset's directory; its name becomes the dataset's name")
 
 
 def _render(options: argparse.Namespace) -> None:

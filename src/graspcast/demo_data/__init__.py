@@ -1,4 +1,4 @@
-"""Rendered tables that ship (see ``README.md`` here): the demonstration needs no network."""
+"""The synthetic demonstration dataset in the package (see ``README.md`` here)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ __all__ = ["demo_dataset"]
 
 
 def demo_dataset() -> BopDataset:
-    """300 images of 30 tables with six objects, for which the built-in estimators are trained.
+    """Open the demonstration dataset: 300 images of 30 tables with six YCB objects.
 
-    ``test_detections_jittered.json`` in its directory says where the objects are.
+    The built-in estimators are trained for these objects. ``test_detections_jittered.json`` in the
+    dataset's directory holds detections.
     """
     return BopDataset(Path(str(files(__name__))) / "ycbv")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -20,6 +19,7 @@ from graspcast.estimates.image_split import frames_of, split_of
 from graspcast.estimates.instances import scene_groups
 from graspcast.estimates.matching import true_poses
 from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+from graspcast.io.hashing import sha256
 from graspcast.paper.dataset import Published
 
 __all__ = ["Benchmark"]
@@ -125,24 +125,22 @@ class Benchmark:
 
     def digest(self, *, own_trials: bool) -> str:
         """Return the SHA-256 of all that a prediction depends on, with one's own trials or not."""
-        out = hashlib.sha256()
+        return sha256(*self._contents(own_trials))
+
+    def _contents(self, own_trials: bool) -> Iterator[str | ndarray]:
         for name in _KEYS:
-            out.update(",".join(map(str, getattr(self.estimates, name))).encode())
-        out.update(",".join(self.estimates.estimators).encode())
-        for array in (self.estimates.cam_T_obj, self.truth, self.reported):
-            out.update(np.ascontiguousarray(array).tobytes())
+            yield ",".join(map(str, getattr(self.estimates, name)))
+        yield ",".join(self.estimates.estimators)
+        yield from (self.estimates.cam_T_obj, self.truth, self.reported)
         for name, models in sorted(self.models.items()):
             for number in sorted(set(self.estimates.obj_id[self.estimates.dataset == name])):
-                out.update(models.mesh(int(number)).vertices.tobytes())
+                yield models.mesh(int(number)).vertices
         for table in (self.outcomes, self.split, self.simulated if own_trials else None):
             if table is not None:
-                out.update(table.sort(table.columns).write_csv().encode())
+                yield table.sort(table.columns).write_csv()
         for name, trials in sorted(self.transferred.items()) if own_trials else ():
-            out.update(name.encode())
-            out.update(",".join(trials.objects.tolist()).encode())
-            for array in (trials.obj_T_est, trials.success):
-                out.update(np.ascontiguousarray(array).tobytes())
-        return out.hexdigest()
+            yield from (name, ",".join(trials.objects.tolist()))
+            yield from (trials.obj_T_est, trials.success)
 
     def _table(self, simulated: bool) -> pl.DataFrame:
         if not simulated:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-import numpy as np
 from numpy import ndarray
 
 from graspcast.estimates.alignment import Estimates
+from graspcast.io.hashing import canonical_json, sha256
 
 __all__ = ["ModelCard", "digest_of"]
 
@@ -76,7 +74,7 @@ class ModelCard:
     def digest(self) -> str:
         """SHA-256 of all but the scores, by which certificates identify the model."""
         content = {k: v for k, v in self.as_dict().items() if k != "scores"}
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+        return sha256(canonical_json(content))
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> ModelCard:
@@ -91,9 +89,5 @@ class ModelCard:
 
 def digest_of(estimates: Estimates, *others: ndarray) -> str:
     """Return the SHA-256 of instances, poses and further arrays."""
-    digest = hashlib.sha256()
-    for part in ("dataset", "scene_id", "im_id", "obj_id", "est_id", "cam_T_obj"):
-        digest.update(np.ascontiguousarray(getattr(estimates, part)).tobytes())
-    for array in others:
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
+    columns = ("dataset", "scene_id", "im_id", "obj_id", "est_id", "cam_T_obj")
+    return sha256(*(getattr(estimates, name) for name in columns), *others)

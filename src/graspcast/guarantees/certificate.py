@@ -5,7 +5,6 @@ How a promise comes about stands in :mod:`graspcast.guarantees.certify`.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from os import PathLike
@@ -13,8 +12,7 @@ from typing import Any, Literal, get_args
 
 from graspcast.errors import FormatError, GraspcastError, UnknownNameError
 from graspcast.guarantees.threshold_sequence import ThresholdSequence
-from graspcast.io.files import write_text
-from graspcast.io.json import read_json, require
+from graspcast.io.json import read_json, require, write_json
 
 __all__ = [
     "MOST_UNITS",
@@ -165,8 +163,7 @@ class Certificate:
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write it as JSON, whole or not at all."""
-        text = json.dumps(self.as_dict(), indent=2, allow_nan=False)
-        write_text(path, text + "\n")
+        write_json(path, self.as_dict())
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Certificate:

@@ -25,7 +25,6 @@ equally frequent in all units, or units hold one trial each.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from typing import Any, get_args
 
@@ -42,6 +41,7 @@ from graspcast.guarantees.threshold_sequence import (
     check_target,
     default_sequence,
 )
+from graspcast.io.hashing import sha256
 
 __all__ = ["certify"]
 
@@ -154,9 +154,8 @@ class _Draws:
         # the data too: with the same keys for all data, a seed that happens to favour units' most
         # probable trials would do so in every calibration.
         order = np.lexsort((success, probability, units))
-        digest = hashlib.sha256(units[order].astype(np.int64).tobytes())
-        digest.update(probability[order].astype(np.float64).tobytes())
-        words = np.frombuffer(digest.digest(), np.uint32)
+        digest = sha256(units[order].astype(np.int64), probability[order].astype(np.float64))
+        words = np.frombuffer(bytes.fromhex(digest), np.uint32)
         random = np.random.default_rng([seed, *words.tolist()])
         key = random.random(len(order))
         order = order[np.lexsort((key, units[order]))]

@@ -17,7 +17,6 @@ unit's expected share, given all units before, is at least the rate. Each unit t
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
@@ -25,8 +24,7 @@ from os import PathLike
 from typing import Any
 
 from graspcast.errors import FormatError, InputError
-from graspcast.io.files import write_text
-from graspcast.io.json import read_json, require
+from graspcast.io.json import read_json, require, write_json
 
 __all__ = ["DriftMonitor"]
 
@@ -218,7 +216,7 @@ class DriftMonitor:
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write its state as JSON, whole or not at all."""
-        write_text(path, json.dumps(self.as_dict(), indent=2, allow_nan=False) + "\n")
+        write_json(path, self.as_dict())
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> DriftMonitor:

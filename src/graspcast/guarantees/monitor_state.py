@@ -7,8 +7,6 @@ written while nobody looked is lost.
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
@@ -21,8 +19,8 @@ from graspcast.errors import FormatError, MismatchError
 from graspcast.estimates.outcomes import read_outcomes
 from graspcast.guarantees.certificate import OVERALL, Guarantee
 from graspcast.guarantees.drift_monitor import DriftMonitor
-from graspcast.io.files import write_text
-from graspcast.io.json import read_json, require
+from graspcast.io.hashing import sha256, sha256_of_file
+from graspcast.io.json import read_json, require, write_json
 
 __all__ = ["MonitorState"]
 
@@ -87,7 +85,7 @@ class MonitorState:
             If it is that of another promise, or of other settings.
         """
         path = Path(path)
-        digest = hashlib.sha256(Path(promise_file).read_bytes()).hexdigest()
+        digest = sha256_of_file(promise_file)
         if not path.exists():
             alpha = _DEFAULT_ALPHA if alpha is None else alpha
             monitor = DriftMonitor(guarantee.rate, alpha, most_attempts)
@@ -165,8 +163,8 @@ class MonitorState:
             "rows": self.rows,
             "digest": self.digest,
         }
-        write_text(self.path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+        write_json(self.path, content)
 
 
 def _digest(frame: pl.DataFrame) -> str:
-    return hashlib.sha256(frame.write_csv().encode()).hexdigest() if len(frame) else ""
+    return sha256(frame.write_csv()) if len(frame) else ""

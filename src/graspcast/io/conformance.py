@@ -1,4 +1,4 @@
-"""What a conformance suite reports: requirements, whether each is met, and what was seen."""
+"""Conformance reports: the requirements of an interface, and whether each is met."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ __all__ = ["Check", "Report", "UnmetError"]
 
 
 class UnmetError(Exception):
-    """A requirement is not met; the message says what was seen and what to look at."""
+    """A requirement is not met; the message says what was observed and what to check."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One requirement, whether it is met, and what was seen."""
+    """One requirement, whether it is met, and what was observed."""
 
     name: str
     passed: bool
@@ -23,14 +23,14 @@ class Check:
 
 @dataclass(frozen=True)
 class Report:
-    """What a suite found, in the order in which it looked.
+    """The result of a conformance suite.
 
     Attributes
     ----------
     subject
-        What was looked at.
+        The name of what was checked.
     checks
-        The requirements.
+        The requirements, in the order of the checks.
     """
 
     kind: ClassVar[str] = "subject"

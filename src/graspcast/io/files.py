@@ -1,4 +1,4 @@
-"""Writing files so that nobody ever sees half of one."""
+"""Atomic file writes: a file has its old content or all of the new."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ __all__ = ["atomic_write", "write_text"]
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path beside ``path``; rename it onto ``path`` if the block succeeds.
 
-    If the block raises, the temporary file is removed and ``path`` is left as it was. Missing
-    parent directories are made.
+    If the block raises, the temporary file is removed and ``path`` stays as it was. Missing
+    parent directories are created.
 
     Raises
     ------
@@ -32,14 +32,14 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
         os.close(handle)
     except OSError as error:
         raise InputError(
-            f"{target}: cannot be written ({error.strerror}); give another --out"
+            f"{target}: cannot be written ({error.strerror})", parameters=("out",)
         ) from error
     temporary = Path(name)
     try:
         yield temporary
         with temporary.open("rb+") as stream:
             os.fsync(stream.fileno())
-        # mkstemp makes files private; what a user asked for follows the umask like any other.
+        # mkstemp makes files private; an output file follows the umask like any other.
         umask = os.umask(0)
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
@@ -52,6 +52,12 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write ``text`` as UTF-8 with Unix line ends, whole or not at all."""
+    """Write ``text`` atomically, as UTF-8 with Unix line ends.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
     with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")

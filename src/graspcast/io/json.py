@@ -1,4 +1,4 @@
-"""Reading JSON files of others, with messages that name the file and the place in it."""
+"""JSON files: reading with errors that name the file and the place in it, and atomic writes."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.errors import FormatError
+from graspcast.errors import FormatError, InputError
+from graspcast.io.files import write_text
 
-__all__ = ["identifier", "numbers", "read_json", "require"]
+__all__ = ["identifier", "numbers", "read_json", "require", "write_json"]
 
 
 def read_json(path: str | PathLike[str], kind: type[object]) -> Any:
@@ -23,7 +24,7 @@ def read_json(path: str | PathLike[str], kind: type[object]) -> Any:
     Raises
     ------
     FormatError
-        If it cannot be read or parsed, or holds something else.
+        If it cannot be read or parsed, or its top level is something else.
     """
     try:
         value = json.loads(Path(path).read_text(encoding="utf-8-sig"))
@@ -39,8 +40,56 @@ def read_json(path: str | PathLike[str], kind: type[object]) -> Any:
     return value
 
 
+def write_json(
+    path: str | PathLike[str], content: Any, *, indent: int = 2, one_entry_a_line: bool = False
+) -> None:
+    """Write a value as JSON, atomically.
+
+    Parameters
+    ----------
+    path
+        The file.
+    content
+        Dicts, lists, texts, booleans, None, and finite numbers.
+    indent
+        Spaces an indentation level.
+    one_entry_a_line
+        Put each entry of the top level, a dict or a list, on one line, as BOP's files have it.
+
+    Raises
+    ------
+    InputError
+        If a number is NaN or infinite, or the file cannot be written.
+    """
+    try:
+        if not one_entry_a_line:
+            text = json.dumps(content, indent=indent, allow_nan=False)
+        elif isinstance(content, dict):
+            entries = [f"{json.dumps(k)}: {_dumps(v)}" for k, v in content.items()]
+            text = f"{{{_lines(entries)}}}"
+        else:
+            text = f"[{_lines([_dumps(v) for v in content])}]"
+    except ValueError as error:
+        raise InputError(f"{path}: holds a number that is not finite") from error
+    write_text(path, text + "\n")
+
+
+def _dumps(value: Any) -> str:
+    return json.dumps(value, allow_nan=False)
+
+
+def _lines(entries: Sequence[str]) -> str:
+    return "\n  " + ",\n  ".join(entries) + "\n" if entries else ""
+
+
 def require(entry: Any, key: str, path: str | PathLike[str], where: str) -> Any:
-    """``entry[key]``, or a FormatError that lists the keys there are."""
+    """Return ``entry[key]``.
+
+    Raises
+    ------
+    FormatError
+        If ``entry`` is no dict, or lacks the key; the message lists its keys.
+    """
     if not isinstance(entry, dict):
         raise FormatError(path, "should be an object", where=where)
     if key not in entry:
@@ -49,7 +98,13 @@ def require(entry: Any, key: str, path: str | PathLike[str], where: str) -> Any:
 
 
 def identifier(value: Any, path: str | PathLike[str], where: str) -> int:
-    """A BOP number (a whole number, 0 or more), given as a number or as a key's text."""
+    """Parse a BOP id: a whole number, 0 or more, given as a number or as text.
+
+    Raises
+    ------
+    FormatError
+        If it is something else.
+    """
     try:
         if isinstance(value, bool | float):
             raise ValueError
@@ -66,7 +121,13 @@ def identifier(value: Any, path: str | PathLike[str], where: str) -> int:
 def numbers(
     value: Any, shape: Sequence[int], path: str | PathLike[str], where: str
 ) -> Float[ndarray, "..."]:
-    """A list of finite numbers, reshaped; or a FormatError."""
+    """Convert a list of finite numbers to an array of a given shape.
+
+    Raises
+    ------
+    FormatError
+        If it holds something else, or another number of them.
+    """
     try:
         array = np.array(value, dtype=np.float64)
         if array.size != np.prod(shape) or not np.isfinite(array).all():

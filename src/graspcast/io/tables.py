@@ -1,14 +1,13 @@
-"""Tables as CSV and Parquet, read so that a damaged file cannot end the process.
+"""Tables as CSV and Parquet; a damaged file is an error, and never a crash.
 
-polars aborts the whole process on some damaged Parquet files (an allocation of 2 EiB, for one),
-which no ``except`` can catch. Parquet files that :func:`write_table` wrote carry a SHA-256 digest
-of their own bytes, which is verified before they are parsed. Any other Parquet file is first
-parsed by a child process, which may die in place of ours.
+polars aborts the whole process on some damaged Parquet files (it tries to allocate 2 EiB, for
+example), which no ``except`` can catch. So Parquet files written by :func:`write_table` carry a
+SHA-256 digest of their own bytes, which is verified before they are parsed. Any other Parquet file
+is first parsed in a child process.
 """
 
 from __future__ import annotations
 
-import hashlib
 import io
 import re
 import subprocess
@@ -20,6 +19,7 @@ import polars as pl
 
 from graspcast.errors import FormatError
 from graspcast.io.files import atomic_write
+from graspcast.io.hashing import sha256
 
 __all__ = ["parquet_bytes", "read_csv", "read_parquet", "write_table"]
 
@@ -39,7 +39,7 @@ def write_table(path: str | PathLike[str], frame: pl.DataFrame) -> None:
     Parameters
     ----------
     path
-        Ends in ``.parquet`` for Parquet; anything else is written as CSV.
+        A name that ends in ``.parquet`` gives Parquet, any other CSV.
     frame
         The table.
 
@@ -52,7 +52,7 @@ def write_table(path: str | PathLike[str], frame: pl.DataFrame) -> None:
         content = parquet_bytes(frame)
     else:
         content = frame.write_csv().encode()
-    # Through memory, so that a full disk is an OSError that atomic_write knows.
+    # Through memory, so that a full disk raises an OSError, which atomic_write handles.
     with atomic_write(path) as temporary:
         temporary.write_bytes(content)
 
@@ -64,8 +64,8 @@ def parquet_bytes(frame: pl.DataFrame) -> bytes:
     content = buffer.getvalue()
     start = _digest_start(content)
     if start is None:  # pragma: no cover - a polars that stores metadata in another way
-        raise RuntimeError("polars did not store the digest where it is looked for")
-    digest = hashlib.sha256(content).hexdigest()
+        raise RuntimeError("polars did not store the digest as expected")
+    digest = sha256(content)
     return content[:start] + digest.encode() + content[start + 64 :]
 
 
@@ -92,7 +92,7 @@ def read_parquet(path: str | PathLike[str]) -> pl.DataFrame:
         _parse_in_child(path, content)
     else:
         unset = content[:start] + _UNSET.encode() + content[start + 64 :]
-        if hashlib.sha256(unset).hexdigest().encode() != content[start : start + 64]:
+        if sha256(unset).encode() != content[start : start + 64]:
             raise FormatError(path, "is damaged: its content does not match its digest")
     try:
         return pl.read_parquet(io.BytesIO(content))
@@ -129,7 +129,7 @@ def _digest_start(content: bytes) -> int | None:
 
 
 def _parse_in_child(path: Path, content: bytes) -> None:
-    """Parse a Parquet file in a child process first, which polars may abort.
+    """Parse a Parquet file in a child process, which polars may abort.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Reading a table of a TOML file key by key, with errors that say where."""
+"""TOML files, read key by key, with errors that name the file and the table."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["TomlTable", "read_toml"]
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The content of a TOML file.
+    """Parse a TOML file.
 
     Raises
     ------
@@ -44,7 +44,7 @@ _REQUIRED: Any = object()
 
 
 class TomlTable:
-    """One table, read key by key; what is left over at the end is an error.
+    """A table of a TOML file, read key by key.
 
     Parameters
     ----------
@@ -64,11 +64,11 @@ class TomlTable:
         self._known: list[str] = []
 
     def error(self, key: str, problem: str) -> FormatError:
-        """The error to raise for a key; ``problem`` follows its name."""
+        """Return the error to raise for a key; ``problem`` follows the key's name."""
         return FormatError(self.path, f"{key} {problem}", where=self.where)
 
     def take(self, key: str, kind: type, default: Any = _REQUIRED) -> Any:
-        """A value of a type; a whole number will do for a float.
+        """Return a value of a type; where a float is wanted, an int is converted.
 
         Raises
         ------
@@ -88,7 +88,22 @@ class TomlTable:
         return value
 
     def number(self, key: str, holds: Callable[[float], bool], condition: str) -> float:
-        """A finite number for which ``holds`` is true; ``condition`` says so in words."""
+        """Return a finite number that meets a condition.
+
+        Parameters
+        ----------
+        key
+            The number's key.
+        holds
+            The condition.
+        condition
+            The condition in words, for the message: ``"positive"``.
+
+        Raises
+        ------
+        FormatError
+            If it is missing, of another type, not finite, or does not meet the condition.
+        """
         value = float(self.take(key, float))
         if not (np.isfinite(value) and holds(value)):
             raise self.error(key, f"is {value}, and must be finite and {condition}")
@@ -97,7 +112,13 @@ class TomlTable:
     def numbers(
         self, key: str, count: int, default: tuple[float, ...] | Any = _REQUIRED
     ) -> list[float]:
-        """A list of so many finite numbers."""
+        """Return a list of ``count`` finite numbers.
+
+        Raises
+        ------
+        FormatError
+            If it is something else.
+        """
         values = list(self.take(key, list, default))
         numeric = all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
         if len(values) != count or not numeric or not np.isfinite(values).all():
@@ -105,7 +126,13 @@ class TomlTable:
         return [float(v) for v in values]
 
     def nothing_else(self) -> None:
-        """Raise FormatError for the first key that nobody has asked for."""
+        """Check that no key is left over.
+
+        Raises
+        ------
+        FormatError
+            For the first key that has not been read.
+        """
         if unknown := sorted(set(self.values) - set(self._known)):
             error = UnknownNameError("key", unknown[0], self._known)
             raise FormatError(self.path, str(error), where=self.where)

@@ -1,15 +1,14 @@
-"""The paper authors' own files, turned into BOP files.
+"""Conversion of the paper authors' release to BOP files.
 
 A checkout of their repository holds, for each estimator, dataset and object, the estimated and true
-poses (``pose_data_*.npz``, metres), an index into them (``*.txt``), and trial outcomes by one-based
-position in them; and the 80-20 split of each principal, object and gripper. A true pose stands only
-beside an estimate, so the few instances that no estimator found are known by visibility alone: they
-are among the targets, but not in ``scene_gt.json``.
+poses (``pose_data_*.npz``, metres), an index of them (``*.txt``), and trial outcomes by one-based
+row number; and the 80-20 split of each principal, object and gripper. A true pose is given only
+together with an estimate. Of the few instances that no estimator found only the visibility is
+known: they are among the targets, but not in ``scene_gt.json``.
 """
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -24,7 +23,7 @@ from numpy import ndarray
 from graspcast.bop.results import Results, write_results
 from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError, InputError
-from graspcast.io.files import write_text
+from graspcast.io.json import write_json
 from graspcast.io.tables import write_table
 
 __all__ = ["Imported", "import_release", "read_add_differences", "read_release"]
@@ -33,14 +32,14 @@ _DATASETS = {"LMO": "lmo", "YCBV": "ycbv"}
 _GRIPPERS = {"Parallel-Gripper": "parallel", "Underactuated-Gripper": "underactuated"}
 _SPLIT = re.compile(r"(train|test)-(\w+?)-(LMO|YCBV)(\d+)-(Parallel|Underactuated)-t3r3")
 _NO_GRASP = ("lmo", 10, "parallel")
-"""The egg carton is too wide for the parallel gripper: its file holds no trials, only zeros."""
+"""The egg carton is too wide for the parallel gripper; its file holds zeros instead of trials."""
 
 Key = tuple[int, int, int]  # scene, image, object
 
 
 @dataclass
 class _Instance:
-    """What the files say of one ground-truth instance."""
+    """A ground-truth instance; its pose is None if no estimator found it."""
 
     cam_T_gt: ndarray | None
     visib_fract: float
@@ -57,24 +56,37 @@ class _Dataset:
 
 @dataclass(frozen=True)
 class Imported:
-    """What was written for one dataset."""
+    """Counts of what was written for one dataset.
+
+    Attributes
+    ----------
+    dataset
+        The dataset's name.
+    estimates
+        Number of poses by estimator.
+    trials
+        Number of trial outcomes.
+    instances
+        Number of ground-truth instances.
+    unseen
+        How many of them no estimator found; the release has no pose for them.
+    """
 
     dataset: str
     estimates: dict[str, int]
     trials: int
     instances: int
     unseen: int
-    """Ground-truth instances that no estimator found; the release has no pose for them."""
 
 
 def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Number and tab-separated fields of each line that is no comment."""
+    """Yield number and tab-separated fields of each line that is not a comment."""
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise FormatError(path, f"cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
-        raise FormatError(path, "is not text") from error
+        raise FormatError(path, "is not UTF-8 text") from error
     for number, line in enumerate(text.splitlines(), start=1):
         if line.strip() and not line.startswith("#"):
             yield number, line.split("\t")
@@ -99,7 +111,7 @@ def _poses(path: Path) -> tuple[ndarray, ndarray]:
 
 
 def _read_poses(index: Path, name: str, dataset: str, obj_id: int, out: _Dataset) -> list[Key]:
-    """Add one object's estimates; returns the key of each row of the npz file."""
+    """Add one object's estimates; return the key of each row of the npz file."""
     est, gt = _poses(index.with_name(f"pose_data_{index.stem}.npz"))
     keys: dict[int, Key] = {}
     for number, fields in _lines(index):
@@ -153,15 +165,16 @@ def read_release(release: str | PathLike[str]) -> dict[str, _Dataset]:
     Raises
     ------
     InputError
-        If it is not one.
+        If it is something else.
     FormatError
-        Naming the file and line that is not as it should be.
+        Naming the bad file and line.
     """
     release = Path(release)
     estimates = release / "Pose-Estimates"
     if not estimates.is_dir():
         raise InputError(
-            f"{release}: no folder Pose-Estimates here; give a checkout of the authors' repository"
+            f"{release}: no folder Pose-Estimates; is it a checkout of the authors' repository?",
+            parameters=("release",),
         )
     out = {name: _Dataset() for name in _DATASETS.values()}
     for index in sorted(estimates.glob("*/*/**/*.txt")):
@@ -182,12 +195,12 @@ def read_release(release: str | PathLike[str]) -> dict[str, _Dataset]:
 def read_add_differences(
     release: str | PathLike[str],
 ) -> dict[tuple[str, str, int, int, int], float]:
-    """The mean ADD to the supporters, metres, by (principal, dataset, scene, image, object).
+    """Read the mean ADD to the supporters, metres, by (principal, dataset, scene, image, object).
 
     Raises
     ------
     FormatError
-        Naming the file and line that is not as it should be.
+        Naming the bad file and line.
     """
     folder = Path(release) / "Train-Grasp-Success-Prediction" / "Data-Split" / "add"
     out = {}
@@ -207,16 +220,27 @@ def read_add_differences(
 
 
 def import_release(release: str | PathLike[str], out: str | PathLike[str]) -> list[Imported]:
-    """Write a checkout of the authors' repository as BOP files, one folder a dataset.
+    """Convert a checkout of the authors' repository to BOP files, one directory per dataset.
 
-    The poses come back from the files with no error at all.
+    Poses read from these files are exactly those of the release.
+
+    Parameters
+    ----------
+    release
+        The checkout.
+    out
+        The directory in which ``lmo`` and ``ycbv`` are created.
+
+    Returns
+    -------
+    Counts of what was written, by dataset.
 
     Raises
     ------
     InputError
         If ``release`` is not a checkout, or ``out`` cannot be written.
     FormatError
-        Naming the file and line that is not as it should be.
+        Naming the bad file and line.
     """
     return [_write(Path(out), name, data) for name, data in read_release(release).items()]
 
@@ -250,7 +274,7 @@ def _write(out: Path, name: str, data: _Dataset) -> Imported:
     )
     write_table(folder / "visibility.csv", visibility)
     targets = [{"im_id": i, "inst_count": 1, "obj_id": o, "scene_id": s} for s, i, o in truth]
-    write_text(folder / "targets_all_gt.json", json.dumps(targets))
+    write_json(folder / "targets_all_gt.json", targets, one_entry_a_line=True)
     _write_ground_truth(folder / "ground_truth", truth)
     counts = {e: len(rows) for e, rows in sorted(data.estimates.items())}
     unseen = sum(instance.cam_T_gt is None for instance in truth.values())
@@ -286,5 +310,6 @@ def _write_ground_truth(folder: Path, truth: dict[Key, _Instance]) -> None:
         seen = {"visib_fract": instance.visib_fract, "bbox_obj_xyxy": instance.bbox}
         info.setdefault(scene, {}).setdefault(str(image), []).append(seen)
     for scene in poses:
-        write_text(folder / f"{scene:06d}" / "scene_gt.json", json.dumps(poses[scene]))
-        write_text(folder / f"{scene:06d}" / "scene_gt_info.json", json.dumps(info[scene]))
+        scene_folder = folder / f"{scene:06d}"
+        write_json(scene_folder / "scene_gt.json", poses[scene], one_entry_a_line=True)
+        write_json(scene_folder / "scene_gt_info.json", info[scene], one_entry_a_line=True)

@@ -1,4 +1,4 @@
-"""From an image to poses: the protocol of an estimator, and three small ones of our own."""
+"""Pose estimation from RGB: the estimator interface, built-in and external estimators."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a pose estimator is: an image, its camera and detections in; one pose a detection out."""
+"""The interface of a pose estimator, and the built-in estimators by name."""
 
 from __future__ import annotations
 
@@ -16,8 +16,13 @@ if TYPE_CHECKING:
 
 __all__ = ["BUILT_IN", "Estimator", "Poses", "built_in"]
 
-BUILT_IN = ("dense", "direct", "keypoints")
-"""The estimators that come with graspcast, each of another family."""
+_CLASSES = {
+    "dense": "DenseEstimator",
+    "direct": "DirectEstimator",
+    "keypoints": "KeypointEstimator",
+}
+BUILT_IN = tuple(_CLASSES)
+"""Names of the built-in estimators."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +32,8 @@ class Poses:
     Attributes
     ----------
     cam_T_obj
-        Rigid transforms in metres, (n, 4, 4). Where nothing was found it is the identity, the
-        placeholder that readers of results drop and count.
+        Rigid transforms in metres, (n, 4, 4). The identity means "nothing found"; readers of
+        results drop and count these placeholders.
     score
         The estimator's own confidence in [0, 1], (n,); 0 where nothing was found.
     """
@@ -47,9 +52,9 @@ class Estimator(Protocol):
     Attributes
     ----------
     name
-        What it is called in results and tables.
+        Its name in results and tables.
     obj_ids
-        The objects it has been trained for, by BOP number.
+        BOP ids of the objects that it was trained for.
     """
 
     name: str
@@ -58,7 +63,7 @@ class Estimator(Protocol):
     def estimate(
         self, image: UInt8[ndarray, "h w 3"], K: Float[ndarray, "3 3"], detections: Detections
     ) -> Poses:
-        """The pose of each detected object.
+        """Estimate the pose of each detected object.
 
         Parameters
         ----------
@@ -67,44 +72,44 @@ class Estimator(Protocol):
         K
             The camera's intrinsics, pixels; the middle of the first pixel is (0, 0).
         detections
-            Those of this image alone; the order carries no meaning.
+            The detections of this image, in any order.
 
         Returns
         -------
-            One pose a detection, in the same order.
+            One pose per detection, in the same order.
 
         Raises
         ------
         InputError
-            For an image of another kind, or a detection that is not in the image.
+            If the image is not RGB, or a detection lies outside of it.
         UnknownNameError
-            For an object that it does not know; the message lists the known.
+            For an object that it does not know; the message lists the known ones.
         """
         ...
 
 
 def built_in(name: str, weights: str | PathLike[str] | None = None) -> Estimator:
-    """One of the estimators that come with graspcast.
+    """Load a built-in estimator.
 
     Parameters
     ----------
     name
         ``"dense"``, ``"direct"`` or ``"keypoints"``.
     weights
-        An ONNX file that the training script has made; the one that ships, for the objects of the
-        demonstration, if left out.
+        An ONNX file written by ``python -m training export``; by default the file in the package,
+        for the objects of the demonstration dataset.
 
     Raises
     ------
     UnknownNameError
-        For another name.
+        If there is no built-in estimator of this name.
     FormatError
-        If the weights cannot be read, or are another estimator's.
+        If the weights cannot be read, or belong to another estimator.
     """
     from importlib import import_module
 
     if name not in BUILT_IN:
         raise UnknownNameError("estimator", name, BUILT_IN)
     module = import_module(f"graspcast.perception.{name}")
-    estimator: Estimator = module.load(weights)
+    estimator: Estimator = getattr(module, _CLASSES[name])(weights)
     return estimator

@@ -1,7 +1,6 @@
-"""A pose estimator that is a command: its template, and the process in which it runs.
+"""External pose estimators: a command is run in a separate process.
 
-The process has whatever Python, libraries and GPU it needs; files are all that it and graspcast
-share.
+The command may use any Python, libraries and GPU; it exchanges only files with graspcast.
 """
 
 from __future__ import annotations
@@ -28,25 +27,21 @@ __all__ = ["command_line", "run_command"]
 _PLACEHOLDER = re.compile(r"(?<!\$)\{(\w+)\}")
 _QUOTED_LINES = 15
 _GRACE_S = 5.0
-"""From asking processes to end (SIGTERM) to ending them (SIGKILL)."""
-
-
-def _nobody(line: str) -> None:
-    del line
+"""Seconds between SIGTERM and SIGKILL."""
 
 
 def command_line(template: str, paths: Mapping[str, Path]) -> list[str]:
-    """The words of a command template, with its placeholders filled in.
+    """Split a command template into words and fill in its placeholders.
 
-    The template is split as a shell would split it and only then filled in, so a path with spaces
-    stays one word. No shell runs it: ``|``, ``>`` and ``$NAME`` mean nothing.
+    The template is split as a shell would split it, then filled in, so a path with spaces stays
+    one word. No shell is involved: ``|``, ``>`` and ``$NAME`` have no special meaning.
 
     Parameters
     ----------
     template
         For example ``"python infer.py --images {bop} --save {out}"``.
     paths
-        What each placeholder stands for; ``out`` is among them.
+        The value of each placeholder; ``out`` is one of them.
 
     Raises
     ------
@@ -58,14 +53,17 @@ def command_line(template: str, paths: Mapping[str, Path]) -> list[str]:
     try:
         words = shlex.split(template)
     except ValueError as error:
-        raise InputError(f"--estimator {template!r} is no command: {error}") from error
+        raise InputError(
+            f"{template!r} is not a command: {error}", parameters=("estimator",)
+        ) from error
     used = {name for word in words for name in _PLACEHOLDER.findall(word)}
     for name in sorted(used - set(paths)):
         known = [f"{{{known}}}" for known in paths]
-        raise UnknownNameError("placeholder", f"{{{name}}}", known, hint=f"In {template!r}")
+        raise UnknownNameError("placeholder", f"{{{name}}}", known, parameters=("estimator",))
     if "out" not in used:
         raise InputError(
-            f"--estimator {template!r}: no {{out}}, the file to which the command writes its poses"
+            f"{template!r} has no {{out}}, the file to which the command writes its poses",
+            parameters=("estimator",),
         )
     return [_PLACEHOLDER.sub(lambda match: str(paths[match.group(1)]), word) for word in words]
 
@@ -74,33 +72,70 @@ def run_command(
     command: Sequence[str],
     *,
     timeout_s: float | None = None,
-    say: Callable[[str], None] = _nobody,
+    on_output: Callable[[str], None] | None = None,
 ) -> None:
-    """Run a command to its end.
+    """Run a command and wait for it.
 
-    When it returns or raises, whatever the reason (Ctrl-C too), the command has ended and so have
-    the processes that it left in its group.
+    When this function returns or raises (on Ctrl-C too), the command has ended, and so have all
+    processes in its process group.
 
     Parameters
     ----------
     command
         The program and its arguments.
     timeout_s
-        After so many seconds it is ended.
-    say
-        Takes each line that it prints; called from other threads.
+        Stop the command after this time, seconds.
+    on_output
+        Called with each line of its output, from other threads.
 
     Raises
     ------
     EstimatorFailedError
-        If it cannot be started, takes too long, or its exit code is not 0; with the last lines of
-        its standard error.
+        If it cannot be started, times out, or its exit code is not 0; with the last lines of its
+        standard error.
     """
+    process = _start(command)
+    last: deque[str] = deque(maxlen=_QUOTED_LINES)
+
+    def forward(stream: TextIOBase, keep: bool) -> None:
+        with stream:
+            for line in stream:
+                if line := line.strip():
+                    if on_output:
+                        on_output(line)
+                    if keep:
+                        last.append(line)
+
+    streams = ((process.stdout, False), (process.stderr, True))
+    readers = [Thread(target=forward, args=pair, daemon=True) for pair in streams]
+    for reader in readers:
+        reader.start()
+    problem = ""
+    parameters: tuple[str, ...] = ()
+    try:
+        with _stop_on_sigterm():
+            code = process.wait(timeout_s)
+        if code:
+            problem = (
+                f"was killed by signal {-code}" if code < 0 else f"failed with exit code {code}"
+            )
+    except subprocess.TimeoutExpired:
+        problem, parameters = f"timed out after {timeout_s:g} s", ("timeout_s",)
+    finally:
+        _end(process)
+        for reader in readers:
+            reader.join(_GRACE_S)
+    if problem:
+        raise EstimatorFailedError(command, problem, list(last), parameters=parameters)
+
+
+def _start(command: Sequence[str]) -> subprocess.Popen[str]:
+    """Start a command in a new process group."""
     own_group: dict[str, Any] = {"start_new_session": True}
     if sys.platform == "win32":
         own_group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
     try:
-        process = subprocess.Popen(
+        return subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -113,41 +148,11 @@ def run_command(
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise EstimatorFailedError(command, f"cannot be started ({reason})") from error
-    last: deque[str] = deque(maxlen=_QUOTED_LINES)
-
-    def pass_on(stream: TextIOBase, keep: bool) -> None:
-        with stream:
-            for line in stream:
-                if line := line.strip():
-                    say(line)
-                    if keep:
-                        last.append(line)
-
-    streams = ((process.stdout, False), (process.stderr, True))
-    readers = [Thread(target=pass_on, args=pair, daemon=True) for pair in streams]
-    for reader in readers:
-        reader.start()
-    problem = None
-    try:
-        with _told_to_end():
-            code = process.wait(timeout_s)
-        if code:
-            problem = (
-                f"was ended by signal {-code}" if code < 0 else f"failed with exit code {code}"
-            )
-    except subprocess.TimeoutExpired:
-        problem = f"was ended, for it took longer than the {timeout_s:g} s of --timeout"
-    finally:
-        _end(process)
-        for reader in readers:
-            reader.join(_GRACE_S)
-    if problem:
-        raise EstimatorFailedError(command, problem, list(last))
 
 
 @contextmanager
-def _told_to_end() -> Iterator[None]:
-    """Whoever is told to end (job schedulers, timeout) first ends what it has started."""
+def _stop_on_sigterm() -> Iterator[None]:
+    """Raise SystemExit on SIGTERM (from a job scheduler, for example), so that cleanup runs."""
 
     def stop(number: int, frame: object) -> None:
         raise SystemExit(128 + number)
@@ -163,7 +168,7 @@ def _told_to_end() -> Iterator[None]:
 
 
 def _end(process: subprocess.Popen[str]) -> None:
-    """End a process and its group; the process has been waited for afterwards."""
+    """Stop a process and its process group, and wait for the process."""
     if sys.platform == "win32":
         if process.poll() is None:
             tree = ["taskkill", "/F", "/T", "/PID", str(process.pid)]
@@ -176,14 +181,14 @@ def _end(process: subprocess.Popen[str]) -> None:
         while alive and time.monotonic() < deadline:
             time.sleep(0.02)
             alive = _signal_group(process, 0)
-    finally:  # also where an impatient second Ctrl-C cuts the grace short
+    finally:  # also after a second Ctrl-C
         _signal_group(process, signal.SIGKILL)
         process.wait()
 
 
 def _signal_group(process: subprocess.Popen[str], number: int) -> bool:
-    """Send a signal to a process's group; whether anyone was there to get it."""
-    process.poll()  # or it would stay in the group as a zombie
+    """Send a signal to a process group; return whether it still had processes."""
+    process.poll()  # otherwise it stays in the group as a zombie
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, number)
         return True

@@ -1,12 +1,10 @@
-"""``keypoints``: a heat map for each of a few points on the object; PnP by RANSAC.
+"""The estimator ``keypoints``: a heat map per keypoint of the object, then PnP with RANSAC.
 
-The family of BB8 (Rad and Lepetit, ICCV 2017) and DOPE (Tremblay et al., CoRL 2018); the points lie
-on the surface, far from each other (Peng et al., PVNet, CVPR 2019).
+Like BB8 (Rad and Lepetit, ICCV 2017) and DOPE (Tremblay et al., CoRL 2018); the keypoints are
+chosen on the surface by farthest-point sampling (Peng et al., *PVNet*, CVPR 2019).
 """
 
 from __future__ import annotations
-
-from os import PathLike
 
 import numpy as np
 from jaxtyping import Float
@@ -16,16 +14,16 @@ from graspcast.perception.crops import Crop
 from graspcast.perception.network import CropEstimator, TrainedObject
 from graspcast.perception.pnp import pose_from_points
 
-__all__ = ["KeypointEstimator", "load"]
+__all__ = ["KeypointEstimator", "heat_map_peaks"]
 
 _WINDOW = 2
-_SURE, _FEWEST = 0.3, 6
+_CONFIDENT, _FEWEST = 0.3, 6
 _THRESHOLD = 3.0
-"""Of RANSAC, in cells."""
+"""RANSAC's reprojection threshold, in cells."""
 
 
 class KeypointEstimator(CropEstimator):
-    """Keypoints, then PnP."""
+    """Sparse keypoints, then PnP with RANSAC."""
 
     name = "keypoints"
 
@@ -36,22 +34,30 @@ class KeypointEstimator(CropEstimator):
         K: Float[ndarray, "3 3"],
         trained: TrainedObject,
     ) -> tuple[Float[ndarray, "4 4"], float] | None:
-        """The pose that most keypoints agree with; the score is their share of the certainty."""
+        """Compute the pose; the score is the inliers' confidence, averaged over all keypoints."""
         (logits,) = outputs
-        places, sure = _peaks(logits)
-        # Those that are where they seem to be, and at least the likeliest six.
-        chosen = sure >= min(_SURE, np.sort(sure)[-_FEWEST])
+        positions, confidence = heat_map_peaks(logits)
+        # The confident keypoints, and at least the six most confident.
+        chosen = confidence >= min(_CONFIDENT, np.sort(confidence)[-_FEWEST])
         threshold = _THRESHOLD * crop.side / logits.shape[-1]
-        pixels = crop.to_image(places[chosen])
+        pixels = crop.to_image(positions[chosen])
         found = pose_from_points(pixels, trained.keypoints[chosen], K, threshold)
         if found is None:
             return None
         pose, agree = found
-        return pose, float(sure[chosen][agree].sum() / len(sure))
+        return pose, float(confidence[chosen][agree].sum() / len(confidence))
 
 
-def _peaks(logits: Float[ndarray, "k s s"]) -> tuple[Float[ndarray, "k 2"], Float[ndarray, " k"]]:
-    """Each map's peak (-0.5 to 0.5 each way), and the share of the map that lies about it."""
+def heat_map_peaks(
+    logits: Float[ndarray, "k s s"],
+) -> tuple[Float[ndarray, "k 2"], Float[ndarray, " k"]]:
+    """Locate the peak of each heat map with subcell precision.
+
+    Returns
+    -------
+    Coordinates in the crop from -0.5 to 0.5, (k, 2), and confidence, (k,): the share of the map's
+    probability within two cells of its maximum.
+    """
     count, cells = logits.shape[0], logits.shape[-1]
     heat = np.exp(logits - logits.max(axis=(1, 2), keepdims=True))
     heat /= heat.sum(axis=(1, 2), keepdims=True)
@@ -61,11 +67,6 @@ def _peaks(logits: Float[ndarray, "k s s"]) -> tuple[Float[ndarray, "k 2"], Floa
         np.abs(axis - column[:, None]) <= _WINDOW
     )[:, None, :]
     heat = np.where(near, heat, 0.0)
-    sure = heat.sum(axis=(1, 2))
-    x, y = (heat.sum(axis=1) @ axis) / sure, (heat.sum(axis=2) @ axis) / sure
-    return (np.stack([x, y], axis=-1) + 0.5) / cells - 0.5, sure
-
-
-def load(weights: str | PathLike[str] | None = None) -> KeypointEstimator:
-    """The estimator with weights from a file, or those that ship."""
-    return KeypointEstimator(weights)
+    confidence = heat.sum(axis=(1, 2))
+    x, y = (heat.sum(axis=1) @ axis) / confidence, (heat.sum(axis=2) @ axis) / confidence
+    return (np.stack([x, y], axis=-1) + 0.5) / cells - 0.5, confidence

@@ -1,4 +1,4 @@
-"""A small network on crops, from an ONNX file, and an estimator around it."""
+"""Networks that take crops, from ONNX files, and the base class of estimators that use them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
-from graspcast.perception.crops import Crop, crop_of, cut
+from graspcast.perception.crops import Crop, crop_around_box, resample
 from graspcast.perception.estimator import Poses
 
 if TYPE_CHECKING:
@@ -26,23 +26,26 @@ __all__ = ["CropEstimator", "Network", "TrainedObject"]
 
 _METADATA = "graspcast"
 _LARGEST = 8
-"""Boxes are amodal, so they reach beyond the image; a crop of one larger still shows nothing."""
+"""The largest box that is accepted, as a multiple of the image's longer side.
+
+Boxes are amodal, so they may extend beyond the image.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class TrainedObject:
-    """What a network has to know of an object that it was trained for; metres, object frame.
+    """Geometry of an object that a network was trained for; metres, object frame.
 
     Attributes
     ----------
     obj_id
-        Its BOP number.
+        Its BOP id.
     diameter_m
-        The largest distance between two of its points.
+        The largest distance between two points.
     lower, size
-        Its bounding box.
+        Minimum corner and side lengths of its bounding box.
     keypoints
-        On its surface, (k, 3).
+        Points on its surface, (k, 3).
     """
 
     obj_id: int
@@ -53,26 +56,26 @@ class TrainedObject:
 
 
 class Network:
-    """A trained network.
+    """A trained network, run on the CPU by ONNX Runtime.
 
     Parameters
     ----------
     family
-        The estimator that it should be for.
+        The name of the estimator that it is for.
     path
-        The ONNX file; the one that ships if left out.
+        The ONNX file; by default the one in the package.
 
     Attributes
     ----------
     objects
-        By BOP number, in the order of training.
+        The trained objects by BOP id, in the order of training.
     made
-        What the training recorded: versions, configuration, seeds.
+        Metadata from training: versions, configuration, seeds.
 
     Raises
     ------
     FormatError
-        If the file is not there, is no network, or another estimator's.
+        If the file is missing, is not a network, or belongs to another estimator.
     """
 
     def __init__(self, family: str, path: str | PathLike[str] | None = None):
@@ -84,14 +87,14 @@ class Network:
         except OSError as error:
             raise FormatError(self.path, f"cannot be read ({error.strerror})") from error
         options = onnxruntime.SessionOptions()
-        # One thread: the same sums in the same order, and other processes keep theirs.
+        # One thread: sums are in a fixed order, and other processes are not slowed down.
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4
         try:
             self._session: Any = onnxruntime.InferenceSession(
                 content, options, providers=["CPUExecutionProvider"]
             )
-        except Exception as error:  # onnxruntime has an exception for each of its own faults
+        except Exception as error:  # onnxruntime has many exception types
             raise FormatError(
                 self.path, f"is not an ONNX network that onnxruntime can run ({error})"
             ) from error
@@ -102,17 +105,13 @@ class Network:
             self.made: Mapping[str, Any] = dict(about["made"])
             self.objects = {entry["obj_id"]: _trained(entry) for entry in about["objects"]}
         except (KeyError, TypeError, ValueError) as error:
-            raise FormatError(
-                self.path, f"what training wrote into it is damaged ({error})"
-            ) from error
+            raise FormatError(self.path, f"its metadata are damaged ({error})") from error
         if made_for != family:
-            raise FormatError(
-                self.path, f"holds weights of the estimator {made_for}, not of {family}"
-            )
+            raise FormatError(self.path, f"holds weights of the estimator {made_for}, not {family}")
         self._index = {obj_id: k for k, obj_id in enumerate(self.objects)}
 
     def __call__(self, crop: UInt8[ndarray, "s s 3"], obj_id: int) -> list[Float[ndarray, "..."]]:
-        """The network's outputs for one crop in which an object is looked for."""
+        """Run the network on one crop, for the object with a BOP id."""
         image = np.ascontiguousarray(crop.transpose(2, 0, 1)[None], dtype=np.float32) / 255
         number = np.array([self._index[obj_id]], dtype=np.int64)
         try:
@@ -126,7 +125,7 @@ class Network:
         if text is None:
             raise FormatError(
                 self.path,
-                "was not made by graspcast's training, which writes objects and sizes into it",
+                "was not written by graspcast's training: it lacks the metadata on objects",
             )
         return text
 
@@ -142,12 +141,12 @@ def _trained(entry: Mapping[str, Any]) -> TrainedObject:
 
 
 class CropEstimator(ABC):
-    """An estimator that looks at one detection at a time: a crop, a network, a pose.
+    """Base class of estimators that crop each detection and run a network on it.
 
     Parameters
     ----------
     weights
-        An ONNX file; the one that ships if left out.
+        An ONNX file; by default the one in the package.
     """
 
     name: ClassVar[str]
@@ -159,16 +158,16 @@ class CropEstimator(ABC):
     def estimate(
         self, image: UInt8[ndarray, "h w 3"], K: Float[ndarray, "3 3"], detections: Detections
     ) -> Poses:
-        """The pose of each detected object; see :class:`Estimator`."""
+        """Estimate the pose of each detected object; see :class:`Estimator`."""
         self._check(image, K, detections)
         poses = np.tile(np.eye(4), (len(detections), 1, 1))
         scores = np.zeros(len(detections))
         for i, (obj_id, box) in enumerate(
             zip(detections.obj_id.tolist(), detections.box_xywh, strict=True)
         ):
-            crop = crop_of(box)
-            seen = self.network(cut(image, crop, self.network.pixels), obj_id)
-            found = self.solve(seen, crop, K, self.network.objects[obj_id])
+            crop = crop_around_box(box)
+            outputs = self.network(resample(image, crop, self.network.pixels), obj_id)
+            found = self.solve(outputs, crop, K, self.network.objects[obj_id])
             if found is not None and np.isfinite(found[0]).all() and found[0][2, 3] > 0:
                 poses[i], scores[i] = found
         return Poses(poses, scores)
@@ -181,7 +180,7 @@ class CropEstimator(ABC):
         K: Float[ndarray, "3 3"],
         trained: TrainedObject,
     ) -> tuple[Float[ndarray, "4 4"], float] | None:
-        """``cam_T_obj`` and a score from what the network says of a crop; None if it says none."""
+        """Compute ``cam_T_obj`` and a score from the network's outputs; None for no pose."""
 
     def _check(self, image: ndarray, K: ndarray, detections: Detections) -> None:
         shape = np.shape(image)
@@ -196,7 +195,10 @@ class CropEstimator(ABC):
         for obj_id, box in zip(detections.obj_id.tolist(), detections.box_xywh, strict=True):
             if obj_id not in self.obj_ids:
                 raise UnknownNameError(
-                    "object", obj_id, self.obj_ids, hint=f"{self.network.path} has weights of these"
+                    "object",
+                    obj_id,
+                    self.obj_ids,
+                    hint=f"{self.network.path} was trained for these",
                 )
             x, y, w, h = box
             if not (np.isfinite(box).all() and w > 0 and h > 0):

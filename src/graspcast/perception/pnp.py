@@ -1,4 +1,4 @@
-"""Pose from points whose places in the image are known, most of them rightly (PnP by RANSAC)."""
+"""Pose from 2D-3D correspondences with outliers: PnP with RANSAC."""
 
 from __future__ import annotations
 
@@ -17,21 +17,25 @@ def pose_from_points(
     K: Float[ndarray, "3 3"],
     threshold_px: float,
 ) -> tuple[Float[ndarray, "4 4"], Bool[ndarray, " n"]] | None:
-    """``cam_T_obj``, and which points agree with it; None if there is no such pose.
+    """Estimate a pose from 2D-3D correspondences by PnP with RANSAC.
 
-    PoseLib's RANSAC (Larsson, 2020), which is seeded, then its refinement by the robust
-    reprojection error of all that agree.
+    PoseLib (Larsson, 2020): RANSAC with a fixed seed, then refinement of the robust reprojection
+    error over the inliers.
 
     Parameters
     ----------
     pixels
-        Where each point is seen.
+        Image coordinates of the points.
     points
         The points in the object's frame, metres; at least four.
     K
-        Intrinsics.
+        Intrinsics, pixels.
     threshold_px
-        How far a point may be seen from where the pose puts it.
+        Largest reprojection error of an inlier, pixels.
+
+    Returns
+    -------
+    ``cam_T_obj`` and a mask of the inliers; None if fewer than four points are inliers.
     """
     import poselib
 
@@ -43,7 +47,7 @@ def pose_from_points(
         "height": 0,
         "params": [K[0, 0], K[1, 1], K[0, 2], K[1, 2]],
     }
-    # Millimetres, because PoseLib's tolerances are made for numbers about one and above.
+    # Millimetres, because PoseLib's tolerances suit coordinates of about one and above.
     pose, about = poselib.estimate_absolute_pose(
         pixels, 1000.0 * points, camera, {"max_reproj_error": threshold_px, "seed": 0}, {}
     )

@@ -1,4 +1,4 @@
-"""An estimator on the images of a dataset: detections in, a results CSV out, or nothing."""
+"""Running an estimator on a dataset: from images and detections to a results CSV."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -35,30 +36,29 @@ def run_estimator(
     lenient: bool = False,
     progress: Callable[[float, str], None] | None = None,
 ) -> Results:
-    """Estimate image by image and write a BOP results CSV.
+    """Run an estimator on every image with detections, and write a BOP results CSV.
 
-    Its time column holds the seconds that :meth:`Estimator.estimate` took for the image; the
-    detector's are not in it. Images without detections are not looked at; detections for which
-    nothing is found have no row.
+    The time column holds the seconds that :meth:`Estimator.estimate` took for the image, without
+    the detector's. Detections for which nothing is found have no row.
 
     Parameters
     ----------
     estimator
-        One of our own, or any that keeps to the protocol.
+        Any estimator.
     dataset
-        Whose images are read.
+        The dataset of the images.
     detections
-        What to look at.
+        The detected objects.
     out
-        Where the results are to be.
+        The results file; it is written atomically.
     lenient
-        Leave out detections of objects that the estimator does not know, and count them.
+        Skip detections of objects that the estimator does not know, and count them.
     progress
-        Takes the share of images done and the image that comes next.
+        Called with the share of images done, from 0 to 1, and the next image.
 
     Returns
     -------
-        The results that now are at ``out``.
+    The results written to ``out``.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def run_estimator(
     InputError
         If an image cannot be read, or ``out`` cannot be written.
     FormatError
-        If what the estimator returns are no poses.
+        If the estimator returns something other than poses.
     """
     known = np.isin(detections.obj_id, estimator.obj_ids)
     if not known.all() and not lenient:
@@ -75,33 +75,43 @@ def run_estimator(
             "object",
             detections.obj_id[~known][0],
             sorted(estimator.obj_ids),
-            hint=f"{estimator.name} was trained for these; {detections.source} has others too, "
-            "which --lenient leaves out",
+            hint=f"{estimator.name} was trained for these; {detections.source} has others too",
+            parameters=("lenient",),
         )
-    with _aside(Path(out)) as written:
-        images = detections.select(known).images()
-        parts = []
-        for i, (key, seen) in enumerate(images.items()):
-            if progress:
-                progress(i / len(images), "image {}/{}".format(*key))
-            image, camera = dataset.image(*key), dataset.camera_of(*key)
-            start = time.perf_counter()
-            poses = estimator.estimate(image, camera.K, seen)
-            took = time.perf_counter() - start
-            found = ~is_identity(poses.cam_T_obj)
-            rows = (seen.scene_id[found], seen.im_id[found], seen.obj_id[found])
-            seconds = np.full(len(rows[0]), took)
-            parts.append((*rows, poses.score[found], poses.cam_T_obj[found], seconds))
-        if not parts:
-            raise InputError(f"{detections.source}: no detection that {estimator.name} could use")
-        scene_id, im_id, obj_id, score, cam_T_obj, time_s = map(
-            np.concatenate, zip(*parts, strict=True)
-        )
-        line = np.zeros(len(obj_id), dtype=np.int64)
-        table = Results(scene_id, im_id, obj_id, score, cam_T_obj, time_s, line)
-        write_results(written, table)
+    with _temporary(Path(out)) as written:
+        found = _estimate(estimator, dataset, detections.select(known), progress)
+        write_results(written, found)
         results = _accept(written, Path(out), dataset, detections)
     return _counted(results, {"object that the estimator does not know": ~known})
+
+
+def _estimate(
+    estimator: Estimator,
+    dataset: BopDataset,
+    detections: Detections,
+    progress: Callable[[float, str], None] | None,
+) -> Results:
+    """Run an estimator on every image with detections; drop placeholders."""
+    images = detections.images()
+    if not images:
+        raise InputError(f"{detections.source}: no detection that {estimator.name} could use")
+    parts = []
+    for i, (key, seen) in enumerate(images.items()):
+        if progress:
+            progress(i / len(images), "image {}/{}".format(*key))
+        image, camera = dataset.image(*key), dataset.camera_of(*key)
+        start = time.perf_counter()
+        poses = estimator.estimate(image, camera.K, seen)
+        took = time.perf_counter() - start
+        found = ~is_identity(poses.cam_T_obj)
+        rows = (seen.scene_id[found], seen.im_id[found], seen.obj_id[found])
+        seconds = np.full(len(rows[0]), took)
+        parts.append((*rows, poses.score[found], poses.cam_T_obj[found], seconds))
+    scene_id, im_id, obj_id, score, cam_T_obj, time_s = map(
+        np.concatenate, zip(*parts, strict=True)
+    )
+    line = np.zeros(len(obj_id), dtype=np.int64)
+    return Results(scene_id, im_id, obj_id, score, cam_T_obj, time_s, line)
 
 
 def run_external(
@@ -112,64 +122,65 @@ def run_external(
     *,
     timeout_s: float | None = None,
     lenient: bool = False,
-    say: Callable[[str], None] | None = None,
+    progress: Callable[[float, str], None] | None = None,
 ) -> Results:
-    """Run an estimator that is a command and write its poses as a BOP results CSV.
+    """Run an external estimator, a command, and write its poses as a BOP results CSV.
 
-    The command writes beside ``out``, to a directory that is removed in any case. Only what has
-    passed the checks of any results CSV is written to ``out``; the poses are the very same.
+    The command writes to a temporary directory beside ``out``. Its file is checked as any results
+    CSV, and against the dataset, before it is written to ``out``; the poses are not changed.
 
     Parameters
     ----------
     template
         The command, with ``{out}`` and, where it needs them, ``{bop}`` and ``{detections}``, filled
-        in as absolute paths; see :func:`graspcast.perception.external.command_line`. Poses in an
-        image without detections are refused if it is given the detections.
+        in as absolute paths; see :func:`graspcast.perception.external.command_line`. If it uses
+        ``{detections}``, poses in images without detections are refused.
     dataset
-        Whose images it is to look at.
+        The dataset of the images.
     detections
-        As read from a file.
+        The detected objects, as read from a file.
     out
-        Where the results are to be.
+        The results file; it is written atomically.
     timeout_s
-        The command is ended after so many seconds.
+        Stop the command after this time, seconds.
     lenient
-        Leave out rows that are wrong, and count them.
-    say
-        Takes each line that the command prints.
+        Skip bad rows, and count them.
+    progress
+        Called with each line that the command prints; the share done is unknown, and always 0.
 
     Returns
     -------
-        The results that now are at ``out``.
+    The results written to ``out``.
 
     Raises
     ------
     InputError
-        For a template that is no command, or an ``out`` that cannot be written.
+        If the template is not a command, or ``out`` cannot be written.
     EstimatorFailedError
-        If the command cannot be started, fails, takes too long, or writes no file.
+        If the command cannot be started, fails, times out, or writes no file.
     FormatError
-        If its file is no results CSV of these images and objects.
+        If its file is not a results CSV of these images and objects.
     """
-    with _aside(Path(out)) as written:
+    with _temporary(Path(out)) as written:
         paths = {
             "bop": dataset.root.resolve(),
             "detections": Path(detections.source).resolve(),
             "out": written,
         }
         command = command_line(template, paths)
-        run_command(command, timeout_s=timeout_s, **({"say": say} if say else {}))
+        on_output = partial(progress, 0.0) if progress else None
+        run_command(command, timeout_s=timeout_s, on_output=on_output)
         if not written.is_file():
-            raise EstimatorFailedError(command, "ended well, but has not written its {out}")
-        told = "{detections}" in template
-        return _accept(written, Path(out), dataset, detections, told=told, lenient=lenient)
+            raise EstimatorFailedError(command, "exited with code 0, but has not written its {out}")
+        asked = detections if "{detections}" in template else None
+        return _accept(written, Path(out), dataset, asked, lenient=lenient)
 
 
 @contextmanager
-def _aside(out: Path) -> Iterator[Path]:
-    """A path of the same name beside ``out``, in a directory that is removed afterwards."""
+def _temporary(out: Path) -> Iterator[Path]:
+    """Yield a path of the same name in a temporary directory beside ``out``."""
     if out.is_dir():
-        raise InputError(f"{out}: is a directory; --out takes a file")
+        raise InputError(f"{out}: is a directory, not a file", parameters=("out",))
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         folder = tempfile.TemporaryDirectory(
@@ -177,7 +188,7 @@ def _aside(out: Path) -> Iterator[Path]:
         )
     except OSError as error:
         raise InputError(
-            f"{out}: cannot be written ({error.strerror}); give another --out"
+            f"{out}: cannot be written ({error.strerror})", parameters=("out",)
         ) from error
     with folder as name:
         yield Path(name).resolve() / out.name
@@ -187,20 +198,21 @@ def _accept(
     written: Path,
     out: Path,
     dataset: BopDataset,
-    detections: Detections,
+    asked: Detections | None,
     *,
-    told: bool = True,
     lenient: bool = False,
 ) -> Results:
-    """Check a results file and write it to its place."""
+    """Check a results file and write it to ``out``; ``asked`` are the detections it was given."""
     source = f"{out.name}, as the estimator wrote it"
     try:
         results = replace(read_results(written, lenient=lenient), source=source)
     except FormatError as error:
-        raise FormatError(source, error.problem, where=error.where) from error
-    results = _belonging(results, dataset, detections if told else None, lenient=lenient)
+        raise FormatError(
+            source, error.problem, where=error.where, parameters=error.parameters
+        ) from error
+    results = _belonging(results, dataset, asked, lenient=lenient)
     if not len(results):
-        raise FormatError(source, f"holds no pose; there were {len(detections)} detections")
+        raise FormatError(source, "holds no pose")
     write_results(out, results)
     return replace(results, source=str(out))
 
@@ -208,7 +220,7 @@ def _accept(
 def _belonging(
     results: Results, dataset: BopDataset, detections: Detections | None, *, lenient: bool
 ) -> Results:
-    """The rows about objects with models and about images that are there, and that were given."""
+    """Check that objects have models, and that images exist and were among those asked for."""
     images = list(zip(results.scene_id.tolist(), results.im_id.tolist(), strict=True))
     asked = set(detections.images()) if detections else set(images)
     models = dataset.models
@@ -230,8 +242,8 @@ def _belonging(
         names = [f"{scene_id}/{im_id}" for scene_id, im_id in sorted(asked)]
         some = ", ".join([*names[:5], *(["…"] if len(names) > 5 else [])])
         return (
-            f"image {images[i][0]}/{images[i][1]} has no detection; there are some in {some}: are "
-            "images counted, where they should be named?"
+            f"image {images[i][0]}/{images[i][1]} has no detection; images with detections are "
+            f"{some}: is im_id a count instead of the number in the file's name?"
         )
 
     faults: dict[str, tuple[Iterable[Any], Collection[Any], Callable[[int], str]]] = {
@@ -245,11 +257,11 @@ def _belonging(
         if bad[fault].any() and not lenient:
             first = int(np.flatnonzero(bad[fault])[0])
             where = f"line {results.line[first]}"
-            raise FormatError(results.source, explain(first), where=where)
+            raise FormatError(results.source, explain(first), where=where, parameters=("lenient",))
     return _counted(results.select(~np.logical_or.reduce(list(bad.values()))), bad)
 
 
 def _counted(results: Results, left_out: Mapping[str, Bool[ndarray, "n"]]) -> Results:
-    """Results that also state how many rows were left out, and why."""
+    """Add the numbers of skipped rows to ``dropped``."""
     counts = {reason: int(rows.sum()) for reason, rows in left_out.items() if rows.any()}
     return replace(results, dropped={**results.dropped, **counts})

@@ -1,8 +1,13 @@
-"""How far an estimated pose is from the true one, symmetries taken into account.
+"""Pose-error metrics: rotation and translation error, ADD, ADD-S, MSSD and MSPD.
 
-Every function takes batches: ``cam_T_est`` and ``cam_T_gt`` are (n, 4, 4) in metres, and compares
-them pair by pair. ADD and ADD-S: Hinterstoisser et al., ACCV 2012; MSSD and MSPD: Hodan et al.,
-*BOP Challenge 2020*, Section 2.2.
+All functions take batches: ``cam_T_est`` and ``cam_T_gt`` are (n, 4, 4), metres, and are compared
+pair by pair.
+
+References
+----------
+ADD, ADD-S: S. Hinterstoisser et al., *Model Based Training, Detection and Pose Estimation of
+Texture-Less 3D Objects in Heavily Cluttered Scenes*, ACCV 2012.
+MSSD, MSPD: T. Hodan et al., *BOP Challenge 2020*, Section 2.2.
 """
 
 from __future__ import annotations
@@ -30,12 +35,12 @@ __all__ = [
 
 _FAST = {"reassoc", "contract", "nsz"}
 _WORTH_THREADS = 200_000
-"""Points; below, waking the threads takes longer than the work."""
+"""Number of points from which several threads are faster than one."""
 
 
 @no_type_check
 def _distances(difference, points):
-    """Mean and largest length of ``D v + d`` over points, for rows [D | d] of each difference."""
+    """Compute mean and largest length of ``D v + d`` over points v, for each difference [D | d]."""
     n, count = difference.shape[0], points.shape[1]
     mean, largest = np.empty(n), np.empty(n)
     x, y, z = points[0], points[1], points[2]
@@ -70,7 +75,7 @@ def _mean_and_largest(
 @no_type_check
 @njit(parallel=True, cache=True, fastmath=_FAST)
 def _largest_pixel_distance(first, second, points):
-    """Largest distance of projections by 3x4 matrices ``first[i]`` and ``second[i, s]``."""
+    """Compute the largest distance of projections by 3x4 matrices first[i] and second[i, s]."""
     n, symmetries, count = second.shape[0], second.shape[1], points.shape[1]
     out = np.empty((n, symmetries))
     x, y, z = points[0], points[1], points[2]
@@ -94,7 +99,7 @@ def _largest_pixel_distance(first, second, points):
 def nearest_symmetric(
     from_T_to: Float[ndarray, "*batch 4 4"], symmetries: Float[ndarray, "s 4 4"]
 ) -> Float[ndarray, "*batch 4 4"]:
-    """Each transform times the symmetry of frame ``to`` that makes its rotation angle smallest."""
+    """Multiply each transform by the symmetry of frame ``to`` that minimises its rotation angle."""
     if len(symmetries) == 1:
         return from_T_to
     candidates = from_T_to[..., None, :, :] @ symmetries
@@ -108,10 +113,11 @@ def rotation_error(
     cam_T_gt: Float[ndarray, "n 4 4"],
     symmetries: Float[ndarray, "s 4 4"] | None = None,
 ) -> Float[ndarray, "n"]:
-    """Angle in radians between the rotations, the smallest over the object's symmetries.
+    """Compute the angle between the rotations, radians, the smallest over the symmetries.
 
-    Symmetries turn the estimate, as in the paper's Table II: a file's matrix of a half turn is not
-    exactly its own inverse, so that the other order differs by some hundredths of a degree.
+    Symmetries are applied to the estimate, as in the paper's Table II. Applied to the true pose
+    they would give results that differ by some hundredths of a degree, since a file's matrix of a
+    half turn is not exactly its own inverse.
     """
     if symmetries is None:
         symmetries = np.eye(4)[None]
@@ -122,16 +128,16 @@ def rotation_error(
 def translation_error(
     cam_T_est: Float[ndarray, "n 4 4"], cam_T_gt: Float[ndarray, "n 4 4"]
 ) -> Float[ndarray, "n"]:
-    """Distance of the objects' origins, in metres."""
+    """Compute the distance of the objects' origins, metres."""
     return np.linalg.norm(cam_T_est[:, :3, 3] - cam_T_gt[:, :3, 3], axis=-1)
 
 
 def ray_share(
     cam_T_est: Float[ndarray, "n 4 4"], cam_T_gt: Float[ndarray, "n 4 4"]
 ) -> Float[ndarray, "n"]:
-    """Share, from 0 to 1, of the translation error that lies along the viewing ray.
+    """Compute the share of the translation error along the viewing ray, from 0 to 1.
 
-    The ray goes from the camera to the object's true origin. NaN where there is no error.
+    The ray points from the camera to the object's true origin. NaN if there is no error.
     """
     error = cam_T_est[:, :3, 3] - cam_T_gt[:, :3, 3]
     ray = cam_T_gt[:, :3, 3]
@@ -145,7 +151,7 @@ def add(
     cam_T_b: Float[ndarray, "n 4 4"],
     points: Float[ndarray, "v 3"],
 ) -> Float[ndarray, "n"]:
-    """Average distance, in metres, of the model's points under the one pose and the other."""
+    """Compute ADD: the mean distance of the model's points under two poses, metres."""
     return _mean_and_largest((cam_T_a - cam_T_b)[:, :3], points)[0]
 
 
@@ -154,10 +160,10 @@ def add_s(
     cam_T_gt: Float[ndarray, "n 4 4"],
     points: Float[ndarray, "v 3"],
 ) -> Float[ndarray, "n"]:
-    """Average distance, in metres, of the model's true points to the nearest estimated one."""
+    """Compute ADD-S: the mean distance of true points to the nearest estimated points, metres."""
     from scipy.spatial import cKDTree
 
-    # Lengths do not change if both are seen from the estimated object: one tree serves all.
+    # In the estimated object's frame the distances are the same, and one tree serves all pairs.
     tree = cKDTree(points)
     out = np.empty(len(cam_T_est))
     for i, est_T_gt in enumerate(compose(invert(cam_T_est), cam_T_gt)):
@@ -171,7 +177,7 @@ def mssd(
     points: Float[ndarray, "v 3"],
     symmetries: Float[ndarray, "s 4 4"],
 ) -> Float[ndarray, "n"]:
-    """Maximum symmetry-aware surface distance, in metres."""
+    """Compute MSSD, the maximum symmetry-aware surface distance, metres."""
     difference = (cam_T_est[:, None] - cam_T_gt[:, None] @ symmetries)[..., :3, :]
     _, largest = _mean_and_largest(difference.reshape(-1, 3, 4), points)
     return largest.reshape(len(cam_T_est), len(symmetries)).min(axis=1)
@@ -184,7 +190,7 @@ def mspd(
     symmetries: Float[ndarray, "s 4 4"],
     K: Float[ndarray, "n 3 3"],
 ) -> Float[ndarray, "n"]:
-    """Maximum symmetry-aware projection distance, in pixels of the camera ``K``."""
+    """Compute MSPD, the maximum symmetry-aware projection distance, pixels of the camera ``K``."""
     first = K @ cam_T_est[:, :3]
     second = K[:, None] @ (cam_T_gt[:, None] @ symmetries)[..., :3, :]
     return _largest_pixel_distance(first, second, np.ascontiguousarray(points.T)).min(axis=1)

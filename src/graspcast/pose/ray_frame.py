@@ -1,12 +1,12 @@
-"""Poses seen along the viewing ray, where the errors of RGB estimators have their shape.
+"""The viewing-ray frame of a pose, and pose errors in it.
 
-An estimator that looks at one image knows the direction to an object better than its distance, and
-errs in proportion to the distance. The **ray frame** of a pose has its z axis along the ray from
-the camera to the object's origin, and its x axis in the plane of that ray and the camera's x axis.
-Another pose of the same object is written in it as six numbers: the difference of the origins over
-the distance, and the rotation vector of the difference of the rotations. These numbers do not
-depend on the object's frame, nor (but for the turn about the ray) on where in the image it is, so
-an error made on one object can be put on another, at another distance, seen from another side.
+A monocular estimator knows the direction to an object better than its distance, and its position
+errors are proportional to the distance. The **ray frame** of a pose has its z axis along the ray
+from the camera to the object's origin, and its x axis in the plane of that ray and the camera's x
+axis. In this frame, another pose of the same object is described by six numbers: the difference of
+the origins divided by the distance, and the rotation vector of the relative rotation. These numbers
+do not depend on the object's frame, nor (except for the rotation about the ray) on its position in
+the image, so an error observed on one object can be applied to another one.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from graspcast.pose.transforms import rotation_from_vector, rotation_vector, tra
 __all__ = ["compressed", "displaced", "error_along", "obj_R_ray", "ray_frame", "relative"]
 
 _SPREAD = np.array([0.003, 0.003, 0.008, 0.07, 0.07, 0.07])
-"""Typical sizes of :func:`relative`'s numbers."""
+"""Typical magnitudes of the numbers of :func:`relative`."""
 
 
 def ray_frame(cam_T_obj: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 3 3"]:
-    """``cam_R_ray`` of each pose; that of the camera for an object at the camera's centre."""
+    """Compute ``cam_R_ray`` of each pose; the identity for an object at the camera's centre."""
     position = cam_T_obj[..., :3, 3]
     distance = np.linalg.norm(position, axis=-1, keepdims=True)
     z = np.where(distance > 0, position / np.where(distance > 0, distance, 1.0), [0.0, 0.0, 1.0])
-    # The camera's x axis made perpendicular to the ray; its y axis where the two coincide.
+    # The camera's x axis made perpendicular to the ray; its y axis if x is parallel to the ray.
     along_x = np.abs(z[..., :1]) > 1 - 1e-9
     side = np.where(along_x, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
     x = side - z * np.sum(side * z, axis=-1, keepdims=True)
@@ -37,19 +37,19 @@ def ray_frame(cam_T_obj: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch
 
 
 def obj_R_ray(cam_T_obj: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 3 3"]:
-    """The ray frame's axes seen from the object."""
+    """Compute the rotation from the ray frame to the object's frame."""
     return np.swapaxes(cam_T_obj[..., :3, :3], -1, -2) @ ray_frame(cam_T_obj)
 
 
 def relative(
     cam_T_obj: Float[ndarray, "*batch 4 4"], other: Float[ndarray, "*batch 4 4"]
 ) -> Float[ndarray, "*batch 6"]:
-    """Another pose of the same object in this one's ray frame.
+    """Express another pose of the same object in this pose's ray frame.
 
     Returns
     -------
-        The origins' difference over the distance (3, no unit; the third is along the ray), and the
-        rotation vector that turns this pose into the other (3, radians).
+    Difference of the origins divided by the distance (3, no unit; the third is along the ray), and
+    the rotation vector from this pose to the other (3, radians).
     """
     frame = ray_frame(cam_T_obj)
     position = cam_T_obj[..., :3, 3]
@@ -63,7 +63,7 @@ def relative(
 
 
 def compressed(by: Float[ndarray, "*batch 6"]) -> Float[ndarray, "*batch 6"]:
-    """:func:`relative`'s numbers over their typical sizes, large ones by their logarithm."""
+    """Scale the numbers of :func:`relative` by typical magnitudes, large ones logarithmically."""
     scaled = by / _SPREAD
     return np.sign(scaled) * np.log1p(np.abs(scaled))
 
@@ -71,7 +71,7 @@ def compressed(by: Float[ndarray, "*batch 6"]) -> Float[ndarray, "*batch 6"]:
 def displaced(
     cam_T_obj: Float[ndarray, "*#batch 4 4"], by: Float[ndarray, "*#batch 6"]
 ) -> Float[ndarray, "*batch 4 4"]:
-    """The other pose, from what :func:`relative` says of it: its inverse."""
+    """Apply a displacement to a pose, the inverse of :func:`relative`."""
     frame = ray_frame(cam_T_obj)
     distance = np.linalg.norm(cam_T_obj[..., :3, 3], axis=-1, keepdims=True)
     turn = frame @ rotation_from_vector(by[..., 3:]) @ np.swapaxes(frame, -1, -2)
@@ -84,20 +84,20 @@ def error_along(
     distance: Float[ndarray, "*#batch"],
     truth: Float[ndarray, "*#batch 6"],
 ) -> Float[ndarray, "*batch 4 4"]:
-    """``obj_T_est``, the error of an estimate, from where the truth lies in its ray frame.
+    """Compute the error ``obj_T_est`` of an estimate from the true pose in its ray frame.
 
     Parameters
     ----------
     axes
-        :func:`obj_R_ray` of the estimate.
+        Ray frame of the estimate, :func:`obj_R_ray`.
     distance
-        From the camera to the estimate's origin, metres.
+        Distance from the camera to the estimate's origin, metres.
     truth
-        :func:`relative` of the estimate and the true pose.
+        The true pose in that frame: :func:`relative` of the estimate and the true pose.
 
     Returns
     -------
-        ``inv(cam_T_true) @ cam_T_est``; the camera has dropped out.
+    ``inv(cam_T_true) @ cam_T_est``, which does not depend on the camera.
     """
     # A = obj_R_ray, D = exp(turn), shift s: R = A Dᵀ Aᵀ, and the origin is at -distance A Dᵀ s.
     back = axes @ np.swapaxes(rotation_from_vector(truth[..., 3:]), -1, -2)

@@ -46,14 +46,14 @@ def transform(
 def compose(
     first: Float[ndarray, "*#batch 4 4"], *others: Float[ndarray, "*#batch 4 4"]
 ) -> Float[ndarray, "*batch 4 4"]:
-    """``a_T_b, b_T_c, …`` to ``a_T_z``: the product, left to right."""
+    """Multiply transforms from left to right: ``a_T_b, b_T_c, …`` to ``a_T_z``."""
     for other in others:
         first = first @ other
     return first
 
 
 def invert(a_T_b: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 4 4"]:
-    """``a_T_b`` to ``b_T_a``, with the transposed rotation (no general matrix inverse)."""
+    """Invert transforms, ``a_T_b`` to ``b_T_a``, by transposing the rotation."""
     rotation = np.swapaxes(a_T_b[..., :3, :3], -1, -2)
     return transform(rotation, -np.einsum("...ij,...j->...i", rotation, a_T_b[..., :3, 3]))
 
@@ -61,21 +61,25 @@ def invert(a_T_b: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 4 4"]:
 def transform_points(
     a_T_b: Float[ndarray, "*batch 4 4"], points_b: Float[ndarray, "v 3"]
 ) -> Float[ndarray, "*batch v 3"]:
-    """Map the same points by every transform of the batch."""
+    """Map the same points (metres) by every transform of the batch."""
     rotated: ndarray = points_b @ np.swapaxes(a_T_b[..., :3, :3], -1, -2)
     return rotated + a_T_b[..., None, :3, 3]
 
 
 def is_identity(a_T_b: Float[ndarray, "*batch 4 4"]) -> Bool[ndarray, "*batch"]:
-    """Where a transform is exactly the identity, the placeholder for 'nothing found'."""
+    """Test where a transform is exactly the identity, the placeholder for "nothing found"."""
     return np.asarray(np.all(a_T_b == np.eye(4), axis=(-2, -1)))
 
 
 def quaternion(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch 4"]:
-    """Rotation matrices to unit quaternions wxyz with w >= 0.
+    """Convert rotation matrices to unit quaternions wxyz with w >= 0.
 
-    Each component's magnitude comes from the diagonal and the largest one fixes the signs of the
-    others (Shepperd 1978), so that no case divides by a small number.
+    Shepperd's method: the signs are relative to the largest component, so that no division is by
+    a small number.
+
+    References
+    ----------
+    S. W. Shepperd, *Quaternion from rotation matrix*, Journal of Guidance and Control, 1978.
     """
     r = rotation
     d0, d1, d2 = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
@@ -98,7 +102,7 @@ def quaternion(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch
 
 
 def rotation_from_quaternion(q: Float[ndarray, "*batch 4"]) -> Float[ndarray, "*batch 3 3"]:
-    """Quaternions wxyz of any non-zero length to rotation matrices."""
+    """Convert quaternions wxyz of any non-zero length to rotation matrices."""
     w, x, y, z = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -109,13 +113,13 @@ def rotation_from_quaternion(q: Float[ndarray, "*batch 4"]) -> Float[ndarray, "*
 
 
 def rotation_angle(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch"]:
-    """The angle of a rotation, in [0, pi]; accurate near 0 and near pi, where acos is not."""
+    """Compute the angle of a rotation in [0, pi]; accurate near 0 and near pi, unlike arccos."""
     q = quaternion(rotation)
     return np.asarray(2.0 * np.arctan2(np.linalg.norm(q[..., 1:], axis=-1), q[..., 0]))
 
 
 def rotation_vector(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch 3"]:
-    """The logarithm of a rotation: its axis times its angle in [0, pi]."""
+    """Convert rotation matrices to rotation vectors: the axis times the angle in [0, pi]."""
     q = quaternion(rotation)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     angle = 2.0 * np.arctan2(sine, q[..., :1])
@@ -132,7 +136,7 @@ def _skew(v: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch 3 3"]:
 
 
 def rotation_from_vector(vector: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch 3 3"]:
-    """The exponential of a rotation vector (Rodrigues' formula)."""
+    """Convert rotation vectors (radians) to rotation matrices."""
     half = 0.5 * np.linalg.norm(vector, axis=-1, keepdims=True)
     # np.sinc(x) is sin(pi x) / (pi x), smooth through zero.
     return rotation_from_quaternion(
@@ -141,9 +145,17 @@ def rotation_from_vector(vector: Float[ndarray, "*batch 3"]) -> Float[ndarray, "
 
 
 def log(a_T_b: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 6"]:
-    """The twist (translation part in metres, rotation vector in radians) whose exponential it is.
+    """Compute the logarithm of rigid transforms, the inverse of :func:`exp`.
 
-    Barfoot, *State Estimation for Robotics*, eq. 7.95; the rotation angle must be below pi.
+    The rotation angle must be below pi.
+
+    Returns
+    -------
+    Twists: the translation part (3, metres), then the rotation vector (3, radians).
+
+    References
+    ----------
+    T. D. Barfoot, *State Estimation for Robotics*, eq. 7.95.
     """
     phi = rotation_vector(a_T_b[..., :3, :3])
     angle = np.linalg.norm(phi, axis=-1)[..., None, None]
@@ -159,7 +171,7 @@ def log(a_T_b: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 6"]:
 
 
 def exp(twist: Float[ndarray, "*batch 6"]) -> Float[ndarray, "*batch 4 4"]:
-    """The rigid transform of a twist (translation part, rotation vector): :func:`log` undone."""
+    """Compute the rigid transforms of twists (translation part, rotation vector)."""
     rho, phi = twist[..., :3], twist[..., 3:]
     angle = np.linalg.norm(phi, axis=-1)[..., None, None]
     k = _skew(phi)
@@ -171,9 +183,9 @@ def exp(twist: Float[ndarray, "*batch 6"]) -> Float[ndarray, "*batch 4 4"]:
 
 
 def euler_zyx(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch 3"]:
-    """Angles (x, y, z) in radians with ``R = Rz(z) Ry(y) Rx(x)``, x and z in (-pi, pi].
+    """Compute Euler angles (x, y, z), radians, with ``R = Rz(z) Ry(y) Rx(x)``; x, z in (-pi, pi].
 
-    At the singularity (y = ±pi/2) x carries the whole rotation and z is zero.
+    At the singularity (y = ±pi/2) z is zero.
     """
     r = rotation
     cosine = np.hypot(r[..., 0, 0], r[..., 1, 0])
@@ -189,7 +201,7 @@ def euler_zyx(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch 
 
 
 def project_to_rotation(matrix: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch 3 3"]:
-    """The rotation nearest to each matrix in the Frobenius norm (orthogonal Procrustes)."""
+    """Find the nearest rotation to each matrix in the Frobenius norm (orthogonal Procrustes)."""
     u, _, vt = np.linalg.svd(matrix)
     sign = np.ones(matrix.shape[:-1])
     sign[..., 2] = np.linalg.det(u @ vt)

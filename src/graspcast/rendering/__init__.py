@@ -1,1 +1,1 @@
-"""Images of cluttered tables with ground truth, in BOP layout: for training, tests and demos."""
+"""Rendering: overlays on images, simulated trials, and synthetic BOP datasets."""

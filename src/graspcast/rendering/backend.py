@@ -1,4 +1,4 @@
-"""What draws MuJoCo's scenes: OpenGL where there is any, else software."""
+"""Choice of the rendering backend for MuJoCo scenes: OpenGL if it works, else software."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ __all__ = ["Drawer", "open_drawer", "why_software"]
 
 @runtime_checkable
 class Drawer(Protocol):
-    """Draws scenes of one model in pictures of one size."""
+    """A renderer of one MuJoCo model, with a fixed image size."""
 
     def draw(self, scene: Any) -> UInt8[ndarray, "h w 3"]:
-        """A picture of an ``MjvScene`` that has been updated."""
+        """Render an ``MjvScene`` that has been updated."""
         ...
 
     def close(self) -> None:
-        """Free what is held outside Python."""
+        """Free resources held outside Python."""
         ...
 
 
 def open_drawer(model: Any, width: int, height: int) -> Drawer:
-    """A drawer for scenes of a model (``MjModel``).
+    """Create a renderer for scenes of a model (``MjModel``), with the image's size in pixels.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def open_drawer(model: Any, width: int, height: int) -> Drawer:
 
 
 def why_software() -> str | None:
-    """Why there is no drawing by OpenGL here, and how to get it; None where there is.
+    """Explain why OpenGL cannot be used here, and how to get it; None if it can.
 
     Raises
     ------

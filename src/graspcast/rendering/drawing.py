@@ -1,4 +1,4 @@
-"""Sheets of pictures and captions: paper, ink, and PNG files."""
+"""Sheets of pictures with captions: colours, text, and PNG files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PAPER = (255, 255, 255)
 
 
 def blank(width: int, height: int) -> tuple[Image, ImageDraw]:
-    """White paper, and what draws on it."""
+    """Create a white image and an object that draws on it."""
     from PIL import Image, ImageDraw
 
     paper = Image.new("RGB", (width, height), PAPER)
@@ -33,21 +33,21 @@ def write(
     colour: tuple[int, int, int],
     anchor: str,
 ) -> None:
-    """Write a line; ``anchor`` is Pillow's, for example ``"lm"`` for the left end's middle."""
+    """Draw a line of text; ``anchor`` is Pillow's, for example ``"lm"`` for left and middle."""
     from PIL import ImageFont
 
     draw.text(at, text, fill=colour, font=ImageFont.load_default(size), anchor=anchor)
 
 
 def width_of(text: str, size: int) -> float:
-    """How wide a line is when it is written in a size, pixels."""
+    """Measure the width of a line of text of a font size, pixels."""
     from PIL import ImageFont
 
     return ImageFont.load_default(size).getlength(text)
 
 
 def save_png(path: str | PathLike[str], image: Image) -> None:
-    """Write a picture as PNG, whole or not at all.
+    """Write an image as PNG, atomically.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""MuJoCo's scenes drawn by OpenGL."""
+"""Rendering of MuJoCo scenes with OpenGL."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ __all__ = ["OpenGLDrawer"]
 
 
 class OpenGLDrawer:
-    """A :class:`graspcast.rendering.backend.Drawer` by MuJoCo's own renderer, off screen.
+    """A :class:`graspcast.rendering.backend.Drawer` with MuJoCo's own renderer, off screen.
 
-    Use it in one thread. The model's ``vis.global_`` states the largest picture.
+    Use it in one thread. The model's ``vis.global_`` limits the image's size.
 
     Raises
     ------
     ExtraMissingError
         If PyOpenGL is not installed.
     InputError
-        If there is no OpenGL to draw with.
+        If OpenGL does not work.
     """
 
     def __init__(self, model: Any, width: int, height: int):
@@ -37,7 +37,7 @@ class OpenGLDrawer:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr)
 
     def draw(self, scene: Any) -> UInt8[ndarray, "h w 3"]:
-        """A picture of an ``MjvScene`` that has been updated."""
+        """Render an ``MjvScene`` that has been updated."""
         pixels = np.empty((self.height, self.width, 3), dtype=np.uint8)
         self._read(scene, pixels, None)
         return pixels[::-1].copy()
@@ -45,21 +45,21 @@ class OpenGLDrawer:
     def draw_with_depth(
         self, scene: Any, width: int, height: int
     ) -> tuple[UInt8[ndarray, "h w 3"], Float32[ndarray, "h w"]]:
-        """A picture of this size, the largest or smaller, and OpenGL's depth from 0 to 1."""
+        """Render an image of at most the largest size, and OpenGL's depth buffer, from 0 to 1."""
         pixels = np.empty((height, width, 3), dtype=np.uint8)
         depth = np.empty((height, width), dtype=np.float32)
         self._read(scene, pixels, depth)
         return pixels[::-1].copy(), depth[::-1].copy()
 
     def upload(self, texture: int) -> None:
-        """Take over a texture of the model that has changed, by MuJoCo's number."""
+        """Update a texture of the model that has changed, by MuJoCo's id."""
         import mujoco
 
         self._context.make_current()
         mujoco.mjr_uploadTexture(self.model, self._mjr, texture)
 
     def _read(self, scene: Any, pixels: ndarray, depth: ndarray | None) -> None:
-        """Draw into arrays, whose first row is the lowest."""
+        """Render into arrays, whose first row is the bottom of the image."""
         import mujoco
 
         self._context.make_current()
@@ -68,7 +68,7 @@ class OpenGLDrawer:
         mujoco.mjr_readPixels(pixels, depth, area, self._mjr)
 
     def close(self) -> None:
-        """Free what is held on the graphics card."""
+        """Free the OpenGL resources."""
         if self._mjr is not None:
             self._context.make_current()
             self._mjr.free()

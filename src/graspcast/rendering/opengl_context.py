@@ -1,4 +1,4 @@
-"""OpenGL without a display."""
+"""Off-screen OpenGL contexts."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from graspcast.errors import ExtraMissingError, InputError
 __all__ = ["backend", "disabled", "import_mujoco", "open_context"]
 
 _BACKENDS = ("egl", "osmesa", "glfw")
-_NONE = ("disable", "disabled", "off", "false", "0")  # MuJoCo's own words
+_NONE = ("disable", "disabled", "off", "false", "0")  # as MuJoCo spells them
 
 
 def disabled() -> bool:
-    """Whether ``MUJOCO_GL`` says that there shall be no OpenGL."""
+    """Return whether ``MUJOCO_GL`` disables OpenGL."""
     return os.environ.get("MUJOCO_GL", "").strip().lower() in _NONE
 
 
 def import_mujoco() -> None:
-    """Import MuJoCo, if nobody has, without its own search for OpenGL.
+    """Import MuJoCo without its own choice of an OpenGL backend.
 
-    On Linux that search ends the import where ``MUJOCO_GL`` names what is not there. The backend
-    is for :func:`open_context` to find, when there is something to draw.
+    On Linux the import fails if ``MUJOCO_GL`` names a backend that is not installed;
+    :func:`open_context` chooses the backend when something is rendered.
     """
     if platform.system() != "Linux" or "mujoco" in sys.modules:
         return
@@ -40,7 +40,7 @@ def import_mujoco() -> None:
 
 
 def backend() -> str:
-    """On Linux what ``MUJOCO_GL`` says, or EGL; elsewhere ``""``, where MuJoCo has its own.
+    """Return the OpenGL backend: on Linux ``MUJOCO_GL`` or EGL; elsewhere ``""``, MuJoCo's own.
 
     Raises
     ------
@@ -52,21 +52,21 @@ def backend() -> str:
     name = os.environ.get("MUJOCO_GL", "").strip().lower() or "egl"
     if name not in _BACKENDS:
         raise InputError(
-            f"the environment variable MUJOCO_GL is {name!r}, with which no picture can be drawn; "
+            f"the environment variable MUJOCO_GL is {name!r}, which is not a backend; "
             f"unset it, or set it to one of {', '.join(_BACKENDS)}"
         )
     return name
 
 
 def open_context(width: int, height: int) -> Any:
-    """An OpenGL context that is current: by EGL, which needs no display, or by ``MUJOCO_GL``.
+    """Open an OpenGL context and make it current, with EGL or the backend in ``MUJOCO_GL``.
 
     Raises
     ------
     ExtraMissingError
-        If PyOpenGL is not installed, or GLFW where it is needed.
+        If PyOpenGL is not installed, or GLFW if that is the backend.
     InputError
-        If there is no OpenGL to draw with; the message says what to install.
+        If OpenGL does not work; the message says what to install.
     """
     name = backend()
     try:
@@ -80,8 +80,8 @@ def open_context(width: int, height: int) -> Any:
             from mujoco.rendering.classic.gl_context import GLContext
         context = GLContext(width, height)
         context.make_current()
-        _try_to_draw()
-    except Exception as error:  # each backend and driver fails in its own way
+        _check_renderer()
+    except Exception as error:  # backends and drivers raise many types
         package = getattr(error, "name", None) or ""
         if isinstance(error, ModuleNotFoundError) and package.split(".")[0] in ("OpenGL", "glfw"):
             raise ExtraMissingError(
@@ -101,8 +101,8 @@ def open_context(width: int, height: int) -> Any:
     return context
 
 
-def _try_to_draw() -> None:
-    """Raise what MuJoCo raises where the context is there, but nothing can be drawn with it."""
+def _check_renderer() -> None:
+    """Create and free a renderer; MuJoCo raises if the context is unusable."""
     import mujoco
 
     smallest = mujoco.MjModel.from_xml_string("<mujoco/>")

@@ -1,4 +1,4 @@
-"""An estimate drawn on the image that it was made from (the paper's Figure 1)."""
+"""Overlays: an estimated pose drawn on its image (the paper's Figure 1)."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ def draw_overlay(
     *,
     size: int = 320,
 ) -> UInt8[ndarray, "size size 3"]:
-    """A square cut out of an image about an object: its true pose solid, the estimate green.
+    """Draw poses of an object on a square crop of an image: the true one solid, the estimate green.
 
     Parameters
     ----------
     image, K
         The image and its camera's intrinsics, pixels.
     mesh, colours
-        The object, and the RGB of each vertex.
+        The object's mesh, and the RGB colour of each vertex.
     cam_T_est
-        The estimate, laid over everything, with an outline.
+        The estimated pose, drawn over everything, with an outline.
     cam_T_true
-        The true pose, where it is known.
+        The true pose, if it is known.
     size
-        Pixels on a side of what comes out.
+        Side length of the result, pixels.
     """
     poses = [cam_T_est] if cam_T_true is None else [cam_T_est, cam_T_true]
     seen = [transform_points(pose, mesh.vertices) for pose in poses]
     left, top, side = _window(np.concatenate(seen), K, image.shape[1], image.shape[0])
     scale = size / side
-    # From the middle of the image's first pixel to the corner of the window, and back to a middle.
+    # Intrinsics count from the centre of the first pixel, the window from its corner.
     zoomed = np.diag([scale, scale, 1.0]) @ K
     zoomed[:2, 2] = scale * (K[:2, 2] + 0.5 - [left, top]) - 0.5
     picture = _cut(image, left, top, side, size)
@@ -69,11 +69,11 @@ def draw_overlay(
 def _window(
     points: Float[ndarray, "n 3"], K: Float[ndarray, "3 3"], width: int, height: int
 ) -> tuple[float, float, float]:
-    """Left, top and side of a square about what is seen of points, in pixels from the border."""
+    """Return left, top and side of a square around the projected points, pixels from the border."""
     points = points[points[:, 2] > _NEAR_M]
     pixels = points @ K.T
     limit = np.array([width, height])
-    # A wild estimate shall not shrink the image to a stamp.
+    # Clipped, so that a wrong estimate does not shrink the object to a few pixels.
     at = np.clip(pixels[:, :2] / pixels[:, 2:] + 0.5, 0, limit)
     if not len(at):
         at = np.stack([np.zeros(2), limit])
@@ -81,7 +81,7 @@ def _window(
     side = float(np.clip(_MARGIN * (high - low).max(), _LEAST_PIXELS, max(width, height)))
     corner = (low + high - side) / 2
     inside = np.clip(corner, 0, np.maximum(limit - side, 0))
-    # What is wider than the image keeps its middle there.
+    # A window larger than the image is centred on it.
     corner = np.where(limit >= side, inside, (limit - side) / 2)
     return float(corner[0]), float(corner[1]), side
 
@@ -89,7 +89,7 @@ def _window(
 def _cut(
     image: UInt8[ndarray, "h w 3"], left: float, top: float, side: float, size: int
 ) -> UInt8[ndarray, "size size 3"]:
-    """A square of an image, resampled; white beyond its border."""
+    """Resample a square of an image; white beyond the image's border."""
     from PIL import Image
 
     height, width = image.shape[:2]

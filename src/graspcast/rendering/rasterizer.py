@@ -1,4 +1,4 @@
-"""Triangles to pixels in software: pictures where there is no OpenGL, no display and no GPU."""
+"""A triangle rasterizer in software, with lighting and supersampling."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _CREASE = np.cos(np.radians(40.0))
 
 @dataclass(frozen=True, eq=False)
 class Lighting:
-    """Light from everywhere, and from afar.
+    """Ambient and directional light.
 
     Attributes
     ----------
     ambient
-        Strength of what comes from everywhere.
+        Strength of the ambient light.
     directions
-        Unit vectors along which the rest falls, in the camera's frame, (n, 3).
+        Unit vectors along which directional light falls, in the camera's frame, (n, 3).
     strengths
-        Of each, (n,).
+        Strength of each directional light, (n,).
     """
 
     ambient: float
@@ -34,19 +34,19 @@ class Lighting:
     strengths: Float[ndarray, " n"]
 
     def on(self, normals: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch"]:
-        """How much falls on surfaces (Lambert's cosine law)."""
+        """Compute the irradiance of surfaces by Lambert's cosine law."""
         cosines = np.maximum(-normals @ self.directions.T, 0.0)
         return np.asarray(self.ambient + cosines @ self.strengths)
 
 
 HEADLIGHT = Lighting(0.45, np.array([[0.36, 0.48, 0.8]]), np.array([0.6]))
-"""From above the camera's left shoulder."""
+"""Light from above and to the left of the camera."""
 
 
 class Canvas:
-    """A picture that is being drawn through a pinhole camera.
+    """An image that is drawn through a pinhole camera.
 
-    Each pixel is an average of ``supersample`` by ``supersample`` samples. Points are in the
+    Each pixel is the mean of ``supersample`` by ``supersample`` samples. Points are in the
     camera's frame (x right, y down, z forward), metres; colours are 0 to 1.
 
     Parameters
@@ -54,22 +54,22 @@ class Canvas:
     K
         Intrinsics in pixels; the middle of the first pixel is (0, 0).
     background
-        A picture, or one colour.
+        An image, or one colour.
     width, height
-        Pixels.
+        Size of the image, pixels.
     supersample
-        Samples on a side of a pixel.
+        Samples per pixel along each side.
     near
-        What is nearer to the camera's plane than this is not drawn, metres.
+        Depth of the near plane, metres.
 
     Attributes
     ----------
     K, width, height, supersample
-        As given.
+        The parameters.
     colour
         RGB of each sample, (h s, w s, 3).
     inverse_depth
-        One over the depth of each sample, zero where there is only the background; (h s, w s).
+        Inverse depth of each sample, zero for the background, (h s, w s).
     """
 
     def __init__(
@@ -104,21 +104,21 @@ class Canvas:
         lighting: Lighting = HEADLIGHT,
         normals: Float[ndarray, "f 3 3"] | None = None,
     ) -> None:
-        """Draw a mesh; both sides of its triangles are seen.
+        """Draw a mesh; both sides of its triangles are visible.
 
         Parameters
         ----------
         vertices, faces
             The mesh.
         colours
-            Of each vertex, or one.
+            Colour of each vertex, or one for all.
         alpha
-            Below 1 it is translucent: of its surfaces the nearest is laid over whatever opaque
-            stands behind it, whichever was drawn first.
+            Opacity. If it is below 1, the mesh's nearest surface is blended over the opaque
+            surfaces behind it, in any order of drawing.
         lighting
-            In which it is seen.
+            The light.
         normals
-            Unit vectors at the corners of each triangle; by default :func:`corner_normals`.
+            Unit normals at the corners of each triangle; by default :func:`corner_normals`.
         """
         corners = np.ascontiguousarray(vertices[faces], dtype=np.float64)
         if normals is None:
@@ -137,7 +137,7 @@ class Canvas:
     def silhouette(
         self, vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]
     ) -> Bool[ndarray, "hs ws"]:
-        """The samples that a mesh covers, as if it were alone; nothing is drawn."""
+        """Compute the mask of samples that a mesh covers, without occlusion; nothing is drawn."""
         corners = np.ascontiguousarray(vertices[faces], dtype=np.float64)
         colour, depth = np.zeros_like(self.colour), np.zeros_like(self.inverse_depth)
         lit = np.zeros(corners.shape, np.float32)
@@ -145,30 +145,30 @@ class Canvas:
         return depth > 0
 
     def rays(self) -> Float[ndarray, "hs ws 3"]:
-        """The point of depth 1 that each sample sees."""
+        """Compute the viewing ray of each sample, with z = 1."""
         v, u = np.indices(self.inverse_depth.shape, dtype=np.float64)
         return np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(self._K).T
 
     def image(self) -> UInt8[ndarray, "h w 3"]:
-        """What has been drawn."""
+        """Return the image: samples averaged, translucent meshes blended."""
         colour = self.colour
         if self._layers:
             colour = colour.copy()
             depths = np.stack([depth for _, depth, _ in self._layers])
-            # From the farthest to the nearest, sample by sample.
+            # Back to front, per sample.
             for rank in np.argsort(depths, axis=0, kind="stable"):
                 for number, (layer, depth, alpha) in enumerate(self._layers):
                     seen = (rank == number) & (depth > self.inverse_depth)
                     colour[seen] += np.float32(alpha) * (layer[seen] - colour[seen])
         s = self.supersample
-        # Slices are added up much faster than short axes are averaged.
+        # Adding slices is much faster than averaging short axes.
         total = np.zeros((self.height, self.width, 3), np.float32)
         for i in range(s * s):
             total += colour[i // s :: s, i % s :: s]
         return np.rint(total * np.float32(255 / s**2)).astype(np.uint8)
 
     def depth_m(self) -> Float[ndarray, "h w"]:
-        """Along the optical axis, of the nearest opaque sample of each pixel; infinity for none."""
+        """Return the depth of each pixel's nearest opaque sample, metres; infinity for none."""
         s = self.supersample
         nearest = self.inverse_depth.reshape(self.height, s, self.width, s).max(axis=(1, 3))
         with np.errstate(divide="ignore"):
@@ -178,11 +178,14 @@ class Canvas:
 def corner_normals(
     vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]
 ) -> Float[ndarray, "f 3 3"]:
-    """A unit normal for each corner of each triangle.
+    """Compute a unit normal for each corner of each triangle.
 
-    It is the mean of the triangles about the vertex, each weighted by its angle there (Thürmer &
-    Wüthrich, *Computing Vertex Normals from Polygonal Facets*, 1998); but the triangle's own where
-    that is farther than 40 degrees away, so that edges stay sharp.
+    The mean of the normals of the triangles at the vertex, weighted by their angles there; but the
+    triangle's own normal if the two differ by more than 40 degrees, so that edges stay sharp.
+
+    References
+    ----------
+    G. Thürmer and C. A. Wüthrich, *Computing Vertex Normals from Polygonal Facets*, 1998.
     """
     corners = vertices[faces]
     flat = _unit(_area_vectors(corners))
@@ -196,7 +199,7 @@ def corner_normals(
 
 
 def _unit(vectors: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch 3"]:
-    """Of length 1; zero stays zero."""
+    """Normalise vectors to length 1; zero vectors stay zero."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)
 
 
@@ -207,25 +210,30 @@ def _area_vectors(corners: Float[ndarray, "f 3 3"]) -> Float[ndarray, "f 3"]:
 @no_type_check
 @njit(cache=True)
 def _fill(corners, colours, K, rays, farthest, colour, depth):
-    """Draw triangles into the buffers where they are nearer than what is there.
+    """Draw triangles into the buffers, with a depth test.
 
     A ray r = K^-1 (u, v, 1) meets the plane of corners p0, p1, p2 at z r = sum of b_i p_i, so that
     a = [p0 p1 p2]^-1 r has a_i = b_i / z: linear in the pixel, all positive inside the triangle,
-    and their sum is one over the depth (Olano & Greer, *Triangle Scan Conversion using 2D
-    Homogeneous Coordinates*, 1997). So nothing is to be clipped.
+    and their sum is the inverse depth. So triangles need no clipping.
+
+    One function of more than 60 lines, since Numba compiles the loops as one.
+
+    References
+    ----------
+    M. Olano and T. Greer, *Triangle Scan Conversion using 2D Homogeneous Coordinates*, 1997.
 
     Parameters
     ----------
     corners
         (f, 3, 3), camera frame.
     colours
-        Of the corners, (f, 3, 3).
+        Colours of the corners, (f, 3, 3).
     K, rays
         Intrinsics and their inverse.
     farthest
-        One over the least depth.
+        Inverse depth of the near plane.
     colour, depth
-        Buffers, (h, w, 3) and (h, w); depth is inverse.
+        Buffers of colour, (h, w, 3), and inverse depth, (h, w).
     """
     height, width = depth.shape
     planes = np.empty((3, 3))
@@ -247,7 +255,7 @@ def _fill(corners, colours, K, rays, farthest, colour, depth):
             if z * farthest < 1.0:
                 behind += 1
                 continue
-            # Far beyond the border a whole number would overflow.
+            # Clipped, since an integer would overflow far beyond the border.
             u = min(max((K[0, 0] * p[i, 0] + K[0, 1] * p[i, 1]) / z + K[0, 2], -1.0), width)
             v = min(max(K[1, 1] * p[i, 1] / z + K[1, 2], -1.0), height)
             left, right = min(left, int(np.ceil(u))), max(right, int(np.floor(u)))

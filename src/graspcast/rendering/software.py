@@ -1,4 +1,4 @@
-"""MuJoCo's scenes drawn without OpenGL: what they list is walked, and rasterised in software."""
+"""Rendering of MuJoCo scenes in software, without OpenGL."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from graspcast.rendering.rasterizer import Canvas, Lighting, corner_normals
 __all__ = ["SoftwareDrawer"]
 
 _TILE, _TILE_LINE = (0.97, 0.97, 0.97), (0.66, 0.67, 0.68)
-_SPACING_M, _LINE_M = 0.1, 0.0008  # of half a line's width
+_SPACING_M, _LINE_M = 0.1, 0.0008  # distance of the table's lines, half their width
 _FARTHEST = 1e-3
 """One over the depth at which the table ends."""
-_HAIR = 2e-4
+_Z_OFFSET = 2e-4
 _STEEP = 0.1
-"""Light that falls flatter than this sine casts no shadow on the table."""
+"""Sine of the elevation below which light casts no shadow on the table."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Shape:
-    """A mesh in its own frame, metres, with its corners' normals."""
+    """A mesh in its own frame, metres, with normals of its triangles' corners."""
 
     vertices: Float[ndarray, "v 3"]
     faces: Int[ndarray, "f 3"]
@@ -33,11 +33,10 @@ class _Shape:
 
 
 class SoftwareDrawer:
-    """A :class:`graspcast.rendering.backend.Drawer` that needs nothing but a processor.
+    """A :class:`graspcast.rendering.backend.Drawer` that runs on the CPU.
 
-    It draws meshes, boxes, spheres, ellipsoids, capsules, cylinders, and planes as the table with
-    its lines. Shadows fall on the table alone, there are no highlights, and no textures but the
-    table's.
+    It draws meshes, boxes, spheres, ellipsoids, capsules and cylinders; planes are drawn as a table
+    with a grid. Shadows fall only on the table; there are no specular highlights and no textures.
     """
 
     def __init__(self, model: Any, width: int, height: int):
@@ -45,7 +44,7 @@ class SoftwareDrawer:
         self._meshes: dict[int, _Shape] = {}
 
     def draw(self, scene: Any) -> UInt8[ndarray, "h w 3"]:
-        """A picture of an ``MjvScene`` that has been updated."""
+        """Render an ``MjvScene`` that has been updated."""
         import mujoco
 
         cam_T_sim, K = self._camera(scene)
@@ -71,16 +70,16 @@ class SoftwareDrawer:
                     for number in range(scene.nlight)
                     if scene.lights[number].castshadow
                 ]
-                _lay_table(canvas, cam_T_plane, lighting, float(geom.emission), shadows)
+                _draw_table(canvas, cam_T_plane, lighting, float(geom.emission), shadows)
         for number, (geom, cam_T_geom, shape) in enumerate(solids):
-            # Two links share the sphere of their joint. A hair's breadth along the viewing rays,
-            # which moves nothing in the picture, keeps their triangles from taking turns.
-            hair = 1 + _HAIR * (number % 2)
+            # Two links share the sphere of their joint. Scaling every other geom slightly along
+            # the viewing rays, which changes nothing in the image, avoids z-fighting.
+            scale = 1 + _Z_OFFSET * (number % 2)
             canvas.draw(
-                hair * transform_points(cam_T_geom, shape.vertices),
+                scale * transform_points(cam_T_geom, shape.vertices),
                 shape.faces,
                 (float(geom.rgba[0]), float(geom.rgba[1]), float(geom.rgba[2])),
-                # OpenGL lays over the back of it too.
+                # OpenGL blends the back faces too.
                 alpha=1.0 - (1.0 - float(geom.rgba[3])) ** 2,
                 lighting=lighting,
                 normals=shape.normals @ cam_T_geom[:3, :3].T,
@@ -88,10 +87,10 @@ class SoftwareDrawer:
         return canvas.image()
 
     def close(self) -> None:
-        """There is nothing to free."""
+        """Do nothing: there are no resources to free."""
 
     def _camera(self, scene: Any) -> tuple[Float[ndarray, "4 4"], Float[ndarray, "3 3"]]:
-        """``cam_T_sim`` and K; of the two eyes that a scene has, the middle."""
+        """Return ``cam_T_sim`` and K, for the centre between the scene's two eyes."""
         left, right = scene.camera
         forward, up = np.array(left.forward, np.float64), np.array(left.up, np.float64)
         axes = np.stack([np.cross(forward, up), -up, forward], axis=1)
@@ -141,7 +140,7 @@ class SoftwareDrawer:
 
 
 def _lighting(scene: Any, rotation: Float[ndarray, "3 3"]) -> Lighting:
-    """Of a scene's lights, all of them grey and from afar, in the camera's frame."""
+    """Convert a scene's lights to grey directional lights in the camera's frame."""
     lights = [scene.lights[k] for k in range(scene.nlight)]
     return Lighting(
         float(sum(np.mean(light.ambient) for light in lights)),
@@ -156,7 +155,7 @@ def _shadow(
     casting: list[ndarray],
     direction: Float[ndarray, " 3"],
 ) -> Bool[ndarray, "hs ws"]:
-    """Where triangles, (f, 3, 3) each, pushed along the light onto a plane, would be seen."""
+    """Return the mask of the shadow that triangles, (f, 3, 3) each, cast on a plane."""
     normal, origin = cam_T_plane[:3, 2], cam_T_plane[:3, 3]
     out = np.zeros(canvas.inverse_depth.shape, dtype=bool)
     falling = float(direction @ normal)
@@ -170,17 +169,16 @@ def _shadow(
     return out
 
 
-def _lay_table(
+def _draw_table(
     canvas: Canvas,
     cam_T_plane: Float[ndarray, "4 4"],
     lighting: Lighting,
     emission: float,
     shadows: list[tuple[int, Bool[ndarray, "hs ws"]]],
 ) -> None:
-    """A white plane with lines every 100 mm, where nothing nearer has been drawn.
+    """Draw a white plane with grid lines every 100 mm behind everything drawn before.
 
-    A line covers as much of a pixel as of the square on the plane that the pixel sees, so that far
-    ones fade into the white instead of flickering.
+    Lines are anti-aliased by the area of the plane that a pixel covers, so that far ones fade.
     """
     normal, origin = cam_T_plane[:3, 2], cam_T_plane[:3, 3]
     inverse_depth = canvas.rays() @ (normal / (origin @ normal))
@@ -201,7 +199,7 @@ def _lay_table(
 
 
 def _line(at: Float[ndarray, "h w"], width: Float[ndarray, "h w"]) -> Float[ndarray, "h w"]:
-    """How much of an interval of a width about a place the nearest line covers; metres."""
+    """Compute the fraction of an interval, metres, that the nearest grid line covers."""
     off = np.abs((at / _SPACING_M + 0.5) % 1 - 0.5) * _SPACING_M
     inside = np.minimum(off + width / 2, _LINE_M) - np.maximum(off - width / 2, -_LINE_M)
     return np.maximum(inside, 0.0) / width

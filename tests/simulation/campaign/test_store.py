@@ -68,7 +68,7 @@ def test_a_directory_with_other_files_is_left_alone(
     (tmp_path / "thesis.tex").write_text("")
     with pytest.raises(InputError, match="holds files but no campaign"):
         run_campaign(requests, setups, tmp_path, executor=ONE)
-    with pytest.raises(FormatError, match="not a campaign's manifest"):
+    with pytest.raises(FormatError, match="not a campaign's directory"):
         Store(tmp_path).outcomes()
 
 

@@ -13,7 +13,6 @@ from graspcast.errors import InputError
 from graspcast.simulation.objects import decomposition
 from graspcast.simulation.objects.decomposition import (
     Decomposition,
-    cache_directory,
     convex_hull,
     decompose,
 )
@@ -99,15 +98,6 @@ def test_a_cache_that_cannot_be_written_costs_time_only(
     monkeypatch.setenv("GRASPCAST_CACHE", str(tmp_path / "file"))
     assert len(decompose(*_angle(), QUICK)) >= 2
     assert "not cached" in caplog.text
-
-
-def test_the_directory_for_the_cache(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("GRASPCAST_CACHE", "/somewhere/else")
-    assert cache_directory() == Path("/somewhere/else")
-    monkeypatch.delenv("GRASPCAST_CACHE")
-    monkeypatch.setattr("sys.platform", "linux")
-    monkeypatch.setenv("XDG_CACHE_HOME", "/xdg")
-    assert cache_directory() == Path("/xdg/graspcast")
 
 
 @pytest.mark.parametrize(

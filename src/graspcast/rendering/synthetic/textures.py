@@ -1,4 +1,4 @@
-"""Textures made by arithmetic: vertex colours as an atlas, and the surfaces of tables."""
+"""Procedural textures: atlases of vertex colours, and table surfaces."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy import ndarray
 __all__ = ["Atlas", "bake", "random_surface"]
 
 _CELL = 4
-"""Texels on a side of the square that one triangle gets in an atlas."""
+"""Side of a triangle's square in an atlas, texels."""
 
 
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """A texture in which each triangle has a square of its own.
+    """A texture in which each triangle has its own square.
 
     Attributes
     ----------
@@ -35,10 +35,10 @@ def bake(
     faces: Int[ndarray, "f 3"],
     colours: UInt8[ndarray, "v 3"],
 ) -> Atlas:
-    """Vertex colours as a texture, which is the only kind of colour MuJoCo gives a mesh's parts.
+    """Bake vertex colours into a texture, since MuJoCo has no vertex colours.
 
-    Triangles near each other on the object are near each other in the atlas (both are walked along
-    a Morton curve), so that a mip map's coarser levels blend what is seen as neighbours.
+    Triangles and squares are both ordered along a Morton curve, so that neighbours on the object
+    are neighbours in the atlas, and coarser mip-map levels blend neighbouring triangles.
     """
     middle = vertices[faces].mean(axis=1)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
@@ -47,7 +47,7 @@ def bake(
     place[np.argsort(_interleave(grid), kind="stable")] = np.arange(len(faces))
     across = 1 << int(np.ceil(np.log2(max(len(faces), 1)) / 2))
     column, row = _deinterleave(place)
-    # In a cell the corners lie half a texel inside; beyond the hypotenuse the colours go on.
+    # Corners lie half a texel inside of a square; colours are extrapolated beyond the hypotenuse.
     unit = np.arange(_CELL) / (_CELL - 1)
     b, c = np.meshgrid(unit, unit)
     weight = np.stack([1 - b - c, b, c], axis=-1)
@@ -61,7 +61,7 @@ def bake(
 
 
 def _interleave(grid: Int[ndarray, "n k"]) -> Int[ndarray, " n"]:
-    """Bits of the coordinates taken in turn (the Morton code)."""
+    """Interleave the bits of the coordinates (Morton code)."""
     axes = grid.shape[1]
     code = np.zeros(len(grid), dtype=np.int64)
     for bit in range(10):
@@ -79,7 +79,7 @@ def _deinterleave(code: Int[ndarray, " n"]) -> tuple[Int[ndarray, " n"], Int[nda
 
 
 def random_surface(rng: np.random.Generator, side: int = 256) -> UInt8[ndarray, "side side 3"]:
-    """The surface of a table: plain, cloudy, woody, tiled, striped or speckled; it can be tiled."""
+    """Generate a table texture that can be tiled: plain, clouds, wood, tiles, stripes, speckles."""
     first, second = _colour(rng), _colour(rng)
     cloud = _clouds(rng, side)
     y, x = np.mgrid[:side, :side] / side
@@ -103,13 +103,13 @@ def random_surface(rng: np.random.Generator, side: int = 256) -> UInt8[ndarray, 
 
 
 def _colour(rng: np.random.Generator) -> Float[ndarray, " 3"]:
-    """Half of them nearly grey, as tables are."""
+    """Sample a colour; half of them are nearly grey, as real tables are."""
     grey = rng.uniform(25, 235)
     return np.clip(grey + rng.normal(0, 12 if rng.random() < 0.5 else 60, 3), 0, 255)
 
 
 def _clouds(rng: np.random.Generator, side: int) -> Float[ndarray, "side side"]:
-    """Noise of several scales, in [0, 1], periodic."""
+    """Generate periodic noise of several scales, in [0, 1]."""
     frequency = np.fft.fftfreq(side) * side
     radius = np.hypot(*np.meshgrid(frequency, frequency))
     spectrum = np.fft.fft2(rng.normal(size=(side, side)))

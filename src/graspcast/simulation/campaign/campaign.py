@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
@@ -17,6 +15,7 @@ import polars as pl
 from graspcast._version import __version__
 from graspcast.errors import CampaignStoppedError, GraspcastError
 from graspcast.estimates.outcomes import ERROR_COLUMNS, TRIAL_COLUMNS, error_numbers
+from graspcast.io.hashing import canonical_json, sha256
 from graspcast.simulation.campaign.dataset_card import write_card
 from graspcast.simulation.campaign.executors import Executor, LocalExecutor
 from graspcast.simulation.campaign.jobs import Batch, TrialSetup
@@ -117,10 +116,9 @@ def _manifest(
         **{f"estimates of {name}": digest for name, digest in sorted(requests.digests().items())},
         **{f"{name} by {gripper}": setup.digest for (name, gripper), setup in used.items()},
     }
-    encoded = json.dumps(configuration, sort_keys=True).encode()
     return {
         "format": 1,
-        "hash": hashlib.sha256(encoded).hexdigest(),
+        "hash": sha256(canonical_json(configuration)),
         "configuration": configuration,
         "trials": len(requests),
         "sources": dict(sources),

@@ -11,6 +11,7 @@ import polars as pl
 
 from graspcast.estimates.outcomes import ERROR_COLUMNS
 from graspcast.io.files import write_text
+from graspcast.io.markdown import table
 
 __all__ = ["card_text", "write_card"]
 
@@ -99,21 +100,26 @@ def card_text(
         "```",
         "",
         "## Columns",
-        *_table(["column", "type", "meaning"], _columns(outcomes)),
+        table(["column", "type", "meaning"], _columns(outcomes), text_columns=3),
         "",
         "## Frames and units",
         _FRAMES,
         "",
         "## Outcomes",
-        *_table(["estimator", "gripper", "trials", "success rate", "reasons"], _rates(outcomes)),
+        table(
+            ["estimator", "gripper", "trials", "success rate", "reasons"],
+            _rates(outcomes),
+            text_columns=2,
+        ),
         "",
         "## Objects and grippers",
-        *_table(
+        table(
             ["object", "gripper", "mass (kg)", "friction", "collision pieces"],
             (
                 [p["object"], p["gripper"], p["mass_kg"], p["friction"], p["pieces"]]
                 for p in manifest["setups"]
             ),
+            text_columns=2,
         ),
         "",
         *_settings(manifest["setups"]),
@@ -146,11 +152,4 @@ def _settings(setups: Iterable[Mapping[str, Any]]) -> Iterable[str]:
             seen.append(setup["settings"])
     for settings in seen:
         yield "## Settings of a trial"
-        yield from _table(["setting", "value"], ([f"`{k}`", v] for k, v in settings.items()))
-
-
-def _table(header: list[str], rows: Iterable[list[object]]) -> Iterable[str]:
-    yield "| " + " | ".join(header) + " |"
-    yield "|" + "---|" * len(header)
-    for row in rows:
-        yield "| " + " | ".join(str(cell) for cell in row) + " |"
+        yield table(["setting", "value"], ([f"`{k}`", v] for k, v in settings.items()))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +11,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.errors import InputError
+from graspcast.io.hashing import sha256
 from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.grasps.table import GraspTable
 from graspcast.simulation.grippers import load_gripper
@@ -57,10 +57,8 @@ class TrialSetup:
         MismatchError
             If the object does not stay in its reference pose.
         """
-        content = hashlib.sha256(self.runner().digest.encode())
-        content.update(np.ascontiguousarray(self.grasp.obj_T_grasp, dtype="<f8").tobytes())
-        content.update(b"early" if self.early_stop else b"full")
-        return content.hexdigest()
+        grasp = np.asarray(self.grasp.obj_T_grasp, dtype="<f8")
+        return sha256(self.runner().digest, grasp, "early" if self.early_stop else "full")
 
     def runner(self) -> TrialRunner:
         """Return a new runner for these trials."""

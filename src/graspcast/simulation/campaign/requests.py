@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy import ndarray
 
 from graspcast.errors import InputError
 from graspcast.estimates.outcomes import REFERENCE_GRASP, TRIAL_COLUMNS, TRIAL_SCHEMA
+from graspcast.io.hashing import sha256
 
 __all__ = ["TrialRequests"]
 
@@ -116,9 +116,8 @@ class TrialRequests:
         out = {}
         for group, rows in order.group_by("estimator", "dataset", maintain_order=True):
             index = rows["row"].to_numpy()
-            content = hashlib.sha256(rows.drop("row").write_csv().encode())
-            content.update(np.ascontiguousarray(self.obj_T_est[index], dtype="<f8").tobytes())
-            out["{} on {}".format(*group)] = content.hexdigest()
+            poses = np.asarray(self.obj_T_est[index], dtype="<f8")
+            out["{} on {}".format(*group)] = sha256(rows.drop("row").write_csv(), poses)
         return out
 
 

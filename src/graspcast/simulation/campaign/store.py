@@ -14,7 +14,6 @@ between are read once.
 
 from __future__ import annotations
 
-import json
 import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -26,7 +25,8 @@ import polars as pl
 
 from graspcast.errors import FormatError, InputError, MismatchError
 from graspcast.estimates.outcomes import ERROR_COLUMNS, TRIAL_COLUMNS, TRIAL_SCHEMA
-from graspcast.io.files import write_text
+from graspcast.io.json import read_json, write_json
+from graspcast.io.locks import exclusive_lock
 from graspcast.io.tables import read_parquet, write_table
 
 __all__ = ["COLUMNS", "Store"]
@@ -73,13 +73,10 @@ class Store:
             If it is missing or damaged.
         """
         path = self.directory / MANIFEST
-        try:
-            manifest = json.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise FormatError(path, f"is not a campaign's manifest ({error.strerror})") from error
-        except ValueError as error:
-            raise FormatError(path, f"is not JSON ({error})") from error
-        if not isinstance(manifest, dict) or not isinstance(manifest.get("configuration"), dict):
+        if not path.exists():
+            raise FormatError(path, "is missing, so this is not a campaign's directory")
+        manifest: dict[str, Any] = read_json(path, dict)
+        if not isinstance(manifest.get("configuration"), dict):
             raise FormatError(path, "has no configuration, so it is no campaign's manifest")
         return manifest
 
@@ -102,7 +99,7 @@ class Store:
                     f"{self.directory} holds files but no campaign; choose a new directory",
                     parameters=("out",),
                 )
-            write_text(self.directory / MANIFEST, json.dumps(manifest, indent=1) + "\n")
+            write_json(self.directory / MANIFEST, manifest, indent=1)
         self._tidy()
 
     def _check_same(self, manifest: Mapping[str, Any]) -> None:
@@ -128,31 +125,15 @@ class Store:
 
     @contextmanager
     def lock(self) -> Iterator[None]:
-        """Lock the directory; the lock is released when the process ends, for whatever reason.
+        """Lock the directory; the lock is released when the process ends, however it ends.
 
         Raises
         ------
         InputError
             If another process holds it.
         """
-        try:
-            import fcntl
-        except ImportError:  # Windows: two processes on one directory are the user's to avoid
-            yield
-            return
-        path = self.directory / ".lock"
-        try:
-            self.directory.mkdir(parents=True, exist_ok=True)
-            stream = path.open("w")
-        except OSError as error:
-            raise InputError(f"{self.directory}: cannot be written ({error.strerror})") from error
-        with stream:
-            try:
-                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError as error:
-                raise InputError(
-                    f"another process is running the campaign in {self.directory}; wait for it"
-                ) from error
+        busy = f"another process is running the campaign in {self.directory}; wait for it to end"
+        with exclusive_lock(self.directory / ".lock", busy):
             yield
 
     def append(self, outcomes: pl.DataFrame) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol, runtime_checkable
@@ -12,6 +10,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
+from graspcast.io.hashing import canonical_json, sha256
 
 __all__ = ["Closing", "Equilibrium", "Gripper", "gripper_digest"]
 
@@ -118,10 +117,7 @@ class Gripper(Protocol):
 def gripper_digest(gripper: Gripper) -> str:
     """Return the SHA-256, as hex, of everything in a gripper that a trial depends on."""
     spec = gripper.spec()
-    content = hashlib.sha256(spec.to_xml().encode())
-    for name, data in sorted(spec.assets.items()):
-        content.update(name.encode())
-        content.update(data if isinstance(data, bytes) else str(data).encode())
+    assets = [part for item in sorted(spec.assets.items()) for part in item]
     values = {
         "name": gripper.name,
         "base_T_tcp": gripper.base_T_tcp.tolist(),
@@ -130,5 +126,4 @@ def gripper_digest(gripper: Gripper) -> str:
         "equilibrium": asdict(gripper.equilibrium),
         "self_collision": gripper.self_collision,
     }
-    content.update(json.dumps(values, sort_keys=True).encode())
-    return content.hexdigest()
+    return sha256(spec.to_xml(), *assets, canonical_json(values))

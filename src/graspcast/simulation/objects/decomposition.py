@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
-import json
 import logging
-import os
-import sys
 import zipfile
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -18,10 +14,12 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.errors import InputError
+from graspcast.io.cache import cache_directory
 from graspcast.io.files import atomic_write
+from graspcast.io.hashing import canonical_json, sha256
 from graspcast.simulation.objects.types import ConvexPiece
 
-__all__ = ["Decomposition", "cache_directory", "convex_hull", "decompose"]
+__all__ = ["Decomposition", "convex_hull", "decompose"]
 
 _log = logging.getLogger(__name__)
 
@@ -76,25 +74,14 @@ class Decomposition:
             )
 
 
-def cache_directory() -> Path:
-    """Where computed things are kept: ``GRASPCAST_CACHE``, or the platform's place for caches."""
-    if chosen := os.environ.get("GRASPCAST_CACHE"):
-        return Path(chosen)
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "graspcast"
-    if sys.platform == "win32":
-        local = os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local"
-        return Path(local) / "graspcast" / "Cache"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "graspcast"
-
-
 def decompose(
     vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], how: Decomposition
 ) -> tuple[ConvexPiece, ...]:
     """Decompose a mesh into convex pieces with CoACD.
 
-    The same mesh, parameters and CoACD version give the same pieces. They are cached in
-    :func:`cache_directory` under a hash of all three; a damaged file is computed again.
+    The same mesh, parameters and CoACD version give the same pieces. They are kept in
+    the cache directory (:func:`graspcast.io.cache.cache_directory`) under a hash of all three; a
+    damaged file there is computed again.
 
     Parameters
     ----------
@@ -191,11 +178,9 @@ def _run_coacd(
 
 
 def _digest(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], how: Decomposition) -> str:
-    digest = hashlib.sha256(f"{version('coacd')} {_SAMPLES} {_SEARCH_NODES}".encode())
-    digest.update(json.dumps(asdict(how), sort_keys=True).encode())
-    digest.update(np.ascontiguousarray(vertices, dtype="<f8").tobytes())
-    digest.update(np.ascontiguousarray(faces, dtype="<i8").tobytes())
-    return digest.hexdigest()[:32]
+    search = f"{version('coacd')} {_SAMPLES} {_SEARCH_NODES}"
+    mesh = np.asarray(vertices, dtype="<f8"), np.asarray(faces, dtype="<i8")
+    return sha256(search, canonical_json(asdict(how)), *mesh)[:32]
 
 
 def _write(path: Path, pieces: tuple[ConvexPiece, ...]) -> None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from graspcast.errors import InputError
+from graspcast.io.hashing import canonical_json, sha256
 
 __all__ = ["TrialSettings"]
 
@@ -117,4 +116,4 @@ class TrialSettings:
 
     def digest(self) -> str:
         """Return the SHA-256 of all settings, as hex."""
-        return hashlib.sha256(json.dumps(self.as_dict(), sort_keys=True).encode()).hexdigest()
+        return sha256(canonical_json(self.as_dict()))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import time
@@ -16,6 +15,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import MismatchError
+from graspcast.io.hashing import sha256
 from graspcast.pose.transforms import compose, invert
 from graspcast.simulation.grippers.protocol import Gripper, gripper_digest
 from graspcast.simulation.objects.types import ConvexPiece, Grasp, GraspObject, check_rigid
@@ -342,22 +342,14 @@ class _Trial:
 
 
 def _digest(grasp_object: GraspObject, gripper: Gripper, settings: TrialSettings) -> str:
-    content = hashlib.sha256()
+    parts: list[str | ndarray] = []
     for piece in grasp_object.pieces:
         if isinstance(piece, ConvexPiece):
-            content.update(np.ascontiguousarray(piece.vertices, dtype=np.float64).tobytes())
+            parts.append(np.asarray(piece.vertices, dtype=np.float64))
         else:
-            content.update(json.dumps([piece.kind, *piece.size]).encode())
-            content.update(np.ascontiguousarray(piece.obj_T_geom, dtype=np.float64).tobytes())
+            parts.append(json.dumps([piece.kind, *piece.size]))
+            parts.append(np.asarray(piece.obj_T_geom, dtype=np.float64))
     physical = (grasp_object.mass_kg, grasp_object.friction)
-    for values in (
-        physical,
-        grasp_object.centroid,
-        grasp_object.inertia,
-        grasp_object.sim_T_ref,
-    ):
-        content.update(np.asarray(values, dtype=np.float64).tobytes())
-    content.update(grasp_object.name.encode())
-    content.update(gripper_digest(gripper).encode())
-    content.update(settings.digest().encode())
-    return content.hexdigest()
+    inertial = (physical, grasp_object.centroid, grasp_object.inertia, grasp_object.sim_T_ref)
+    parts += [np.asarray(values, dtype=np.float64) for values in inertial]
+    return sha256(*parts, grasp_object.name, gripper_digest(gripper), settings.digest())

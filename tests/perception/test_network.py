@@ -1,8 +1,7 @@
-"""The estimators that ship: what they promise, on the images that ship, and what they refuse."""
+"""Networks in ONNX files, and the input checks of the estimators that use them."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -11,59 +10,11 @@ import numpy as np
 import pytest
 
 from graspcast.bop.dataset import BopDataset
-from graspcast.bop.detections import Detections, jittered, read_detections
-from graspcast.demo_data import demo_dataset
+from graspcast.bop.detections import Detections
 from graspcast.errors import FormatError, InputError, UnknownNameError
-from graspcast.estimates.error_tables import measure, summarise
 from graspcast.perception import BUILT_IN, built_in
-from graspcast.perception.conformance import check_estimator
-from graspcast.perception.run import run_estimator
 
 WEIGHTS = Path(str(files("graspcast.perception"))) / "weights"
-
-
-@pytest.fixture(scope="module")
-def dataset() -> BopDataset:
-    return demo_dataset()
-
-
-@pytest.fixture(scope="module")
-def boxes(dataset: BopDataset) -> Detections:
-    return read_detections(dataset.root / "test_detections_jittered.json", dataset)
-
-
-def test_the_boxes_that_ship_are_those_that_render_writes(
-    dataset: BopDataset, boxes: Detections
-) -> None:
-    seed = json.loads((dataset.root / "render.json").read_text())["settings"]["seed"]
-    again = jittered(dataset, seed)
-    np.testing.assert_array_equal(again.box_xywh, boxes.box_xywh)
-    assert "not a detector" in boxes.detector
-
-
-@pytest.mark.parametrize("name", BUILT_IN)
-def test_they_keep_the_protocol(name: str, dataset: BopDataset, boxes: Detections) -> None:
-    report = check_estimator(built_in(name), dataset, boxes)
-    assert report.passed, str(report)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", BUILT_IN)
-def test_they_are_as_good_as_is_said(
-    name: str, dataset: BopDataset, boxes: Detections, tmp_path: Path
-) -> None:
-    # Half of the scenes, of which training has seen none.
-    some = boxes.select(boxes.scene_id % 2 == 0)
-    results = run_estimator(built_in(name), dataset, some, tmp_path / "out.csv")
-    assert len(results) > 0.95 * len(some)
-    found = summarise(measure(results, dataset, only=("rotation_deg", "translation_mm")))
-    rows = [row for row in found.rows(named=True) if row["obj_id"] is not None]
-    good = [
-        row["obj_id"]
-        for row in rows
-        if row["rotation_deg_median"] <= 15 and row["translation_mm_median"] <= 25
-    ]
-    assert len(good) >= 4, rows
 
 
 def test_what_ships_is_small_and_says_what_it_is() -> None:
@@ -76,18 +27,11 @@ def test_what_ships_is_small_and_says_what_it_is() -> None:
         assert len(estimator.obj_ids) >= 5
 
 
-def test_the_images_that_ship_are_small_and_many(dataset: BopDataset) -> None:
-    assert sum(path.stat().st_size for path in dataset.root.rglob("*")) <= 12_000_000
-    assert len(dataset.images) >= 200
-    assert len({scene for scene, _ in dataset.images}) >= 20
-    assert "settings" in json.loads((dataset.root / "render.json").read_text())
-
-
 @pytest.fixture(scope="module")
 def dense_inputs(
-    dataset: BopDataset, boxes: Detections
+    demo: BopDataset, demo_boxes: Detections
 ) -> tuple[np.ndarray, np.ndarray, Detections]:
-    return dataset.image(1, 0), dataset.camera_of(1, 0).K, boxes.images()[1, 0]
+    return demo.image(1, 0), demo.camera_of(1, 0).K, demo_boxes.images()[1, 0]
 
 
 def changed(detections: Detections, **columns: np.ndarray) -> Detections:
@@ -121,7 +65,7 @@ def test_bad_input_is_named(
 def test_an_image_of_another_size_is_an_image(
     dense_inputs: tuple[np.ndarray, np.ndarray, Detections],
 ) -> None:
-    # The estimators look at crops: a border around the image moves the boxes and the camera alone.
+    # The estimators look at crops: a border around the image moves only the boxes and the camera.
     image, K, seen = dense_inputs
     inside = (seen.box_xywh[:, :2] > 40).all(axis=1)
     inside &= (seen.box_xywh[:, :2] + seen.box_xywh[:, 2:] < [600, 440]).all(axis=1)
@@ -145,7 +89,7 @@ def test_weights_that_are_none(tmp_path: Path) -> None:
     (tmp_path / "half.onnx").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(FormatError, match="is not an ONNX network"):
         built_in("dense", tmp_path / "half.onnx")
-    with pytest.raises(FormatError, match="weights of the estimator direct, not of dense"):
+    with pytest.raises(FormatError, match="weights of the estimator direct, not dense"):
         built_in("dense", WEIGHTS / "direct.onnx")
     with pytest.raises(UnknownNameError, match="known: dense, direct, keypoints"):
         built_in("epos")
@@ -161,13 +105,15 @@ def test_damaged_metadata_are_refused(tmp_path: Path) -> None:
     ):
         assert whole.count(old) >= 1
         (tmp_path / "damaged.onnx").write_bytes(whole.replace(old, new))
-        with pytest.raises(FormatError, match="what training wrote into it is damaged"):
+        with pytest.raises(FormatError, match="its metadata are damaged"):
             built_in("dense", tmp_path / "damaged.onnx")
 
 
-def test_a_box_far_larger_than_the_image_is_refused(dataset: BopDataset, boxes: Detections) -> None:
-    one = boxes.select(np.array([0]))
+def test_a_box_far_larger_than_the_image_is_refused(
+    demo: BopDataset, demo_boxes: Detections
+) -> None:
+    one = demo_boxes.select(np.array([0]))
     huge = replace(one, box_xywh=np.array([[-20000.0, -20000.0, 50000.0, 50000.0]]))
     key = int(one.scene_id[0]), int(one.im_id[0])
     with pytest.raises(InputError, match="times as large as the image"):
-        built_in("dense").estimate(dataset.image(*key), dataset.camera_of(*key).K, huge)
+        built_in("dense").estimate(demo.image(*key), demo.camera_of(*key).K, huge)

@@ -1,0 +1,81 @@
+"""Object models: sizes and symmetries."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from graspcast.bop.models import Models, read_models_info
+from graspcast.errors import FormatError, UnknownNameError
+from poses import write_models
+
+
+def test_models_and_symmetries(tmp_path: Path) -> None:
+    half_turn = [-1, 0, 0, 10, 0, -1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    axis = {"axis": [0, 0, 2], "offset": [5, 0, 0]}
+    models = Models(
+        write_models(
+            tmp_path,
+            obj_1={},
+            obj_2={"symmetries_discrete": [half_turn]},
+            obj_3={"symmetries_continuous": [axis], "symmetries_discrete": [half_turn]},
+        )
+    )
+    assert not models[1].symmetric
+    assert_array_equal(models[1].symmetries, np.eye(4)[None])
+    assert models[2].symmetries.shape == (2, 4, 4)
+    assert models[2].symmetries[1, 0, 3] == 0.01
+    assert_allclose(models[1].size, [0.04, 0.06, 0.1])
+    everything = models[3].symmetries
+    assert len(everything) == 2 * 315
+    assert_array_equal(everything[0], np.eye(4))
+    # Every turn about the axis keeps the points of the axis where they are.
+    turns = everything[: len(everything) // 2]
+    assert_allclose(turns @ [0.005, 0, 0.3, 1], np.tile([0.005, 0, 0.3, 1], (315, 1)), atol=1e-12)
+    with pytest.raises(UnknownNameError, match="unknown object '9'; known: 1, 2, 3"):
+        models[9]
+
+
+@pytest.mark.parametrize(
+    ("info", "says"),
+    [
+        ({"1": {}}, "object 1: no 'diameter'"),
+        ({}, "lists no object"),
+        ({"one": {}}, "'one' is not a whole number"),
+        ({"1": {"diameter": -1}}, "diameter should be positive"),
+        ({"1": {"diameter": "x"}}, "object 1, diameter: should be 1 finite number"),
+    ],
+)
+def test_wrong_models_info_is_named(tmp_path: Path, info: Any, says: str) -> None:
+    path = tmp_path / "models_info.json"
+    path.write_text(json.dumps(info))
+    with pytest.raises(FormatError) as caught:
+        read_models_info(path)
+    assert says in str(caught.value)
+
+
+def test_symmetries_must_be_rotations(tmp_path: Path) -> None:
+    write_models(tmp_path, obj_1={"symmetries_discrete": [[2.0] * 16]})
+    with pytest.raises(
+        FormatError, match="symmetries_discrete: holds a matrix that is not a rotation"
+    ):
+        Models(tmp_path)
+    write_models(
+        tmp_path, obj_1={"symmetries_continuous": [{"axis": [0, 0, 0], "offset": [0, 0, 0]}]}
+    )
+    with pytest.raises(FormatError, match="the axis has no length"):
+        Models(tmp_path)
+
+
+def test_published_meshes_have_the_published_extents(data_dir: Path) -> None:
+    for name in ("lmo", "ycbv"):
+        models = Models(data_dir / "bop" / name / "models")
+        for obj_id, info in models.info.items():
+            vertices = models.mesh(obj_id).vertices
+            assert_allclose(vertices.min(axis=0), info.lower, atol=3e-4)
+            assert_allclose(np.ptp(vertices, axis=0), info.size, atol=3e-4)
