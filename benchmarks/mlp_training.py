@@ -3,9 +3,9 @@
     python benchmarks/mlp_training.py [--epochs N] [--threads N] [--torch]
 
 The samples are random numbers in the shapes of the published data: three principals, two grippers,
-fifteen objects (the egg carton has no parallel grasp), four fifths to train on and the rest to look
-at after every epoch. With --torch one network is also trained by a plain PyTorch loop, for a few
-epochs in the same run.
+fifteen objects (the egg carton has no parallel grasp), four fifths for training and the rest for
+validation after every epoch. With --torch one network is also trained by a plain PyTorch loop, for
+a few epochs in the same run.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 
 from graspcast.forecasting.models.mlp.train import train
-from graspcast.forecasting.models.mlp.types import MlpSettings, Problem, Watch
+from graspcast.forecasting.models.mlp.types import MlpSettings, Problem, ValidationSet
 
 # Images of each object in which all three estimators have a pose (LM-O, then YCB-V).
 SAMPLES = [175, 193, 166, 200, 178, 142, 132, 198, 225, 375, 427, 150, 75, 216, 300]
@@ -53,8 +53,8 @@ def problems(inputs: int, objects: int, grippers: int) -> list[Problem]:
                 x = rng.normal(size=(len(groups), inputs))
                 y = x @ rng.normal(size=inputs) + rng.normal(size=len(groups)) > 0
                 test = rng.random(len(groups)) < 0.2
-                watch = Watch(x[test], y[test], groups[test])
-                found.append(Problem(x[~test], y[~test], (watch,), seed=len(found)))
+                validation = ValidationSet(x[test], y[test], groups[test])
+                found.append(Problem(x[~test], y[~test], (validation,), seed=len(found)))
     return found
 
 
@@ -71,8 +71,8 @@ def torch_seconds(problem: Problem, settings: MlpSettings, epochs: int) -> float
     optimiser = torch.optim.Adam(net.parameters(), lr=settings.rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, settings.epochs)
     x, y = torch.tensor(problem.inputs).float(), torch.tensor(problem.labels).float()
-    x_test = torch.tensor(problem.watch[0].inputs).float()
-    y_test = torch.tensor(problem.watch[0].labels)
+    x_test = torch.tensor(problem.validation[0].inputs).float()
+    y_test = torch.tensor(problem.validation[0].labels)
     began = time.process_time()
     for _ in range(epochs):
         order = torch.randperm(len(y))
@@ -116,7 +116,7 @@ def main() -> None:
     if arguments.torch:
         one = problems(12, 1, 1)[0]
         torch, ours = [], []
-        for _ in range(5):  # in turns, so that what else the machine does strikes both
+        for _ in range(5):  # alternately, so that other load affects both
             torch.append(torch_seconds(one, settings, 10))
             began = time.process_time()
             train([one], MlpSettings(epochs=1000), threads=1)

@@ -1,8 +1,8 @@
-"""How fast a forecaster answers: an import, 10,000 instances, one verdict; its size and training.
+"""Speed of a forecaster: import, 10,000 instances, one verdict; file size and training time.
 
     python benchmarks/predict.py
 
-Estimates and meshes are made up at the size of real ones (three estimators, objects of 8,000
+Estimates and meshes are synthetic, of realistic size (three estimators, objects of 8,000
 vertices), so no data is needed. Each figure is the best of several runs in this process; the import
 is that of a new one.
 """
@@ -94,27 +94,27 @@ def main() -> None:
             write_results(paths[name], results)
         tables = {name: read_results(path) for name, path in paths.items()}
         estimates = align(tables, dataset="made", anchor="first")
-        learned = made_up_lessons(estimates, rng).select(np.arange(2000))
+        data = made_up_training_data(estimates, rng).select(np.arange(2000))
         settings = NetworkSettings(optimiser=MlpSettings(epochs=20))
         for method, features in WAYS:
             start = time.perf_counter()
             forecaster = train_forecaster(
-                learned, method=method, features=features, settings=settings, models=models
+                data, method=method, features=features, settings=settings, models=models
             )
             trained = time.perf_counter() - start
             file = Path(folder) / "model.npz"
             forecaster.save(file)
             name = forecaster.card.method + " " + forecaster.card.features
             print(
-                f"{name}: trained on {len(learned)} in {trained:.1f} s, "
+                f"{name}: trained on {len(data)} in {trained:.1f} s, "
                 f"{file.stat().st_size / 1e6:.2f} MB; loaded in "
                 f"{1000 * best(lambda file=file: Forecaster.load(file), 5):.0f} ms"
             )
             time_it(forecaster, name, estimates, models, paths)
 
 
-def made_up_lessons(estimates: Estimates, rng: np.random.Generator) -> TrainingData:
-    """Truths near the estimates, and grasps that forgive errors of about a centimetre."""
+def made_up_training_data(estimates: Estimates, rng: np.random.Generator) -> TrainingData:
+    """True poses near the estimates, and grasps that succeed with errors below two centimetres."""
     truth = estimates.of("first").copy()
     truth[:, :3, 3] += rng.normal(scale=0.01, size=(len(truth), 3))
     off = np.linalg.norm(estimates.cam_T_obj[:, :, :3, 3] - truth[:, :3, 3], axis=2)

@@ -1,12 +1,12 @@
-"""How fast trials run, against MuJoCo itself on the same model and the same states, in one run.
+"""Benchmark of trials against MuJoCo alone, on the same models and states.
 
     python benchmarks/trial_rate.py [--trials 60] [--seed 0]
 
-For each gripper and object it runs trials with errors as pose estimators make them and prints
+For each gripper and object it runs trials with errors like those of pose estimators and prints
 
-- steps/s of whole trials, and of the calls of ``mj_step`` in them alone: the ratio is what the
-  trial's own logic costs (the project asks for 0.90 or more);
-- trials/s, early-stopped, and how many trials of the full lift one of them is worth in steps.
+- steps/s of whole trials, and of their calls of ``mj_step`` alone: the ratio is the overhead of the
+  trial's own logic (required: 0.90 or more);
+- trials/s with early stopping, and steps per trial.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from graspcast.pose.transforms import exp
 from graspcast.simulation.grippers import GRIPPERS, load_gripper
 from graspcast.simulation.objects.types import ConvexPiece, Grasp, GraspObject
 from graspcast.simulation.trial import trial
-from graspcast.simulation.trial.gripper_conformance import test_column
+from graspcast.simulation.trial.gripper_conformance import standing_column
 
 
 class Stopwatch:
-    """Stands in for mj_step and adds up the time spent in it."""
+    """Replacement of mj_step that measures the time spent in it."""
 
     def __init__(self) -> None:
         self.seconds = 0.0
@@ -41,9 +41,9 @@ class Stopwatch:
 
 
 def objects() -> list[tuple[str, GraspObject, float]]:
-    """A column of one box, and a can of eight convex pieces, with the height to grasp at."""
-    column = test_column(0.05)
-    can = test_column(0.066)
+    """Return a column of one box and a can of eight convex pieces, with their grasp heights."""
+    column = standing_column(0.05)
+    can = standing_column(0.066)
     angles = np.linspace(0, 2 * np.pi, 33)
     pieces = []
     for k in range(0, 32, 4):

@@ -34,7 +34,7 @@ def make_requests(count: int, grippers: tuple[str, ...] = ("parallel",)) -> Tria
 def main() -> int:
     directory, count, workers = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     requests = make_requests(count)
-    pairs = load_setups(requests, read_grasps())
+    setups = load_setups(requests, read_grasps())
     if sys.argv[4:] == ["limit"]:
         import resource
 
@@ -44,7 +44,7 @@ def main() -> int:
             resource.RLIMIT_FSIZE, (10752, resource.getrlimit(resource.RLIMIT_FSIZE)[1])
         )
     try:
-        run_campaign(requests, pairs, directory, executor=LocalExecutor(workers))
+        run_campaign(requests, setups, directory, executor=LocalExecutor(workers))
     except GraspcastError as error:
         sys.stderr.write(f"{type(error).__name__}: {error}\n")
         return 2

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import polars as pl
 
-from graspcast import Estimates, TrainingData, training_data
+from graspcast import Estimates, TrainingData
 from graspcast.estimates.instances import Instances
 from poses import nudged, random_poses
 
@@ -73,4 +73,6 @@ class EstimatorWorld:
         )
 
     def training_data(self, principal: str) -> TrainingData:
-        return training_data(self.estimates, self.outcomes, principal, "parallel", truth=self.truth)
+        return TrainingData.join(
+            self.estimates, self.outcomes, principal, "parallel", truth=self.truth
+        )

@@ -1,4 +1,4 @@
-"""Samples whose outcomes follow from the estimators' disagreement, for tests of learning."""
+"""Synthetic estimates, outcomes and ground truth that follow a known rule."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from graspcast.bop.models import Models
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import Instances
 from graspcast.evaluation.benchmark import Benchmark
-from graspcast.forecasting.samples import Samples
 from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
 from poses import nudged, random_poses
 
@@ -53,18 +52,29 @@ def with_keys(given: Estimates, **columns: np.ndarray) -> Estimates:
     return dataclasses.replace(given, instances=dataclasses.replace(given.instances, **columns))
 
 
-def samples(n: int = 120, *, seed: int = 0, noise: float = 0.05, **options: object) -> Samples:
-    """Grasps guided by the first estimator hold where the next one agrees, but for some noise."""
+def own_outcomes(
+    given: Estimates, own_success: np.ndarray, principal: str | None = None
+) -> TrainingData:
+    """Training data with outcomes of one principal (the first by default) and no ground truth."""
+    principal = principal or given.estimators[0]
+    success = np.full((len(given.estimators), len(given)), np.nan)
+    success[given.index(principal)] = own_success
+    truth = np.full((len(given), 4, 4), np.nan)
+    return TrainingData(given, principal, "parallel", truth, success)
+
+
+def tried(n: int = 120, *, seed: int = 0, noise: float = 0.05, **options: object) -> TrainingData:
+    """Grasps guided by the first estimator succeed where the next one agrees, with some noise."""
     given = estimates(n, seed=seed, **options)  # type: ignore[arg-type]
     apart = np.linalg.norm(given.cam_T_obj[0, :, :3, 3] - given.cam_T_obj[1, :, :3, 3], axis=-1)
     success = (apart < 0.02) ^ (np.random.default_rng(seed).random(n) < noise)
-    return Samples(given, given.estimators[0], "parallel", success)
+    return own_outcomes(given, success)
 
 
 def outcomes_of(
     given: Estimates, grippers: tuple[str, ...] = ("p", "u"), *, seed: int = 0
 ) -> pl.DataFrame:
-    """Trials with every estimator as principal: held where the next one agrees, with noise."""
+    """Trials with every estimator as principal; success where the next one agrees, with noise."""
     rng = np.random.default_rng(seed)
     place = given.cam_T_obj[:, :, :3, 3]
     keys = {
@@ -82,7 +92,7 @@ def outcomes_of(
 
 
 def benchmark(models: Mapping[str, Models], n: int = 120, *, simulated: bool = True) -> Benchmark:
-    """Two objects in six scenes, two grippers, a split, and one's own trials."""
+    """Benchmark of two objects in six scenes, with two grippers, a split, and simulated trials."""
     given = estimates(n)
     trials = outcomes_of(given)
     part = np.where(np.random.default_rng(9).random(len(trials)) < 0.2, "test", "train")
@@ -98,15 +108,15 @@ def benchmark(models: Mapping[str, Models], n: int = 120, *, simulated: bool = T
 
 
 def true_poses(n: int, seed: int = 0) -> np.ndarray:
-    """What :func:`estimates` of the same number and seed are estimates of."""
+    """True poses of :func:`estimates` of the same number and seed."""
     return random_poses(n, seed)
 
 
 def training_data(n: int = 120, *, seed: int = 0, **options: object) -> TrainingData:
-    """Grasps guided by any estimator hold where its error is below 20 mm along the object's x."""
+    """Outcomes of all estimators; success where the error is below 20 mm along the object's x."""
     given = estimates(n, seed=seed, **options)  # type: ignore[arg-type]
     truth = true_poses(n, seed)
-    # The principal errs where the others disagree with it, so that there is something to learn.
+    # The principal has large errors where the others disagree with it.
     poses = given.cam_T_obj.copy()
     far = np.linalg.norm(poses[0, :, :3, 3] - poses[1, :, :3, 3], axis=-1) > 0.02
     poses[0, far] = nudged(poses[0, far], seed + 77, metres=0.05, radians=0.4)
@@ -116,7 +126,7 @@ def training_data(n: int = 120, *, seed: int = 0, **options: object) -> Training
 
 
 def holds(obj_T_est: np.ndarray) -> np.ndarray:
-    """Which errors the made-up grasp forgives."""
+    """Which pose errors the synthetic grasp succeeds with."""
     return np.abs(obj_T_est[..., 0, 3]) < 0.02
 
 

@@ -33,9 +33,8 @@ if TYPE_CHECKING:
     from graspcast.forecasting.forecaster import Forecaster
     from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
-    from graspcast.forecasting.samples import Samples, join
     from graspcast.forecasting.train import train_forecaster
-    from graspcast.forecasting.training_data import SimulatedTrials, TrainingData, training_data
+    from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
     from graspcast.forecasting.verdict import (
         Verdict,
         decide,
@@ -115,15 +114,10 @@ _HOME = {
     "forecasting.forecaster": ("Forecaster",),
     "forecasting.models.blend": ("ForestSettings",),
     "forecasting.models.mlp.ensemble": ("NetworkSettings",),
-    "forecasting.samples": (
-        "Samples",
-        "join",
-    ),
     "forecasting.train": ("train_forecaster",),
     "forecasting.training_data": (
         "SimulatedTrials",
         "TrainingData",
-        "training_data",
     ),
     "forecasting.verdict": (
         "Verdict",

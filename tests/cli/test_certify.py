@@ -52,12 +52,12 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "success": (~far[mine]).astype(int),
         }
         pl.DataFrame(columns).write_csv(root / f"{part}.csv")
-    shared = ["--bop", str(root / "made"), *estimates(root, "train"), "--features", "paper"]
+    shared = ["--bop", str(root / "made"), *estimates(root, "train")]
     assert (
         main(
             ["train", *shared, "--principal", "a", "--gripper", "parallel", "--folds", "0"]
             + ["--outcomes", str(root / "train.csv"), "--out", str(root / "m.npz")]
-            + ["--members", "1", "--epochs", "200"]
+            + ["--method", "direct"]
         )
         == 0
     )

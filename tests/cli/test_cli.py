@@ -255,7 +255,7 @@ def test_truncated_models(world: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert main(train(world, "--folds", "0")) == 0
     path = world / "m.npz"
     path.write_bytes(path.read_bytes()[:-40])
-    assert "m.npz: is not a whole model file" in refused(predict(world), capsys)
+    assert "m.npz: is not a complete model file" in refused(predict(world), capsys)
     path.unlink()
     assert "No such file" in refused(predict(world), capsys)
 
@@ -264,7 +264,7 @@ def test_too_little_to_learn_from(world: Path, capsys: pytest.CaptureFixture[str
     table = pl.read_csv(world / "outcomes.csv")
     table.with_columns(success=pl.lit(1)).write_csv(world / "outcomes.csv")
     said = refused(train(world, "--folds", "0"), capsys)
-    assert "60 samples with 60 successes are too few" in said
+    assert "60 outcomes of a with 60 successes are too few" in said
     table.filter(pl.col("im_id") > 1000).write_csv(world / "outcomes.csv")
     refused(train(world, "--folds", "0"), capsys)
 

@@ -1,10 +1,11 @@
-"""train and predict with forests: simulation, explanations, promises, stand-ins, strangers."""
+"""train and predict with forests: simulation, attribution, certificates, fallbacks, novelty."""
 
 from __future__ import annotations
 
 import csv
 import dataclasses
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +75,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     trials = synthetic.error_outcomes(300, "made-2")
     errors = zip(ERROR_COLUMNS, error_numbers(trials.obj_T_est).T, strict=True)
     columns = {
-        "estimator": ["borrowed"] * 300,
+        "estimator": ["transferred"] * 300,
         "dataset": ["made"] * 300,
         "scene_id": [0] * 300,
         "im_id": list(range(300)),
@@ -150,12 +151,47 @@ def test_simulated_trials_beside_outcomes_of_another_object(
 
 def test_nothing_to_learn_from(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said = refused(train(world, "none.npz"), capsys)
-    assert "nothing to learn from: give --outcomes, --simulated, or both" in said
+    assert "neither outcomes nor simulated trials" in said
+    assert "(see --outcomes, --simulated)" in said
     other = train(world, "none.npz", "--simulated", str(world / "campaign"), "--gripper", "hand")
     assert "no simulated trial of the hand gripper" in refused(other, capsys)
     without = train(world, "none.npz", "--simulated", str(world / "outcomes.csv"))
     assert "no column 'error_x_m'" in refused(without, capsys)
     assert not (world / "none.npz").exists()
+
+
+@pytest.mark.parametrize("method", ["blend", "two-stage"])
+def test_a_method_that_needs_ground_truth_is_refused_without_it(
+    world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], method: str
+) -> None:
+    outcomes = ["--outcomes", str(world / "outcomes.csv")]
+    command = [*train(world, "none.npz", *outcomes), "--method", method]
+    bare = tmp_path / "made"
+    shutil.copytree(world / "made" / "models", bare / "models")
+    command[command.index("--bop") + 1] = str(bare)
+    said = refused(command, capsys)
+    assert f"the method {method} needs ground truth" in said
+    assert "choose the method direct" in said
+    assert "(see --ground-truth, --bop, --method)" in said
+    assert not (world / "none.npz").exists()
+    elsewhere = tmp_path / "elsewhere" / "000000"
+    elsewhere.mkdir(parents=True)
+    (elsewhere / "scene_gt.json").write_text(
+        json.dumps(
+            {
+                "9999": [
+                    {
+                        "obj_id": 1,
+                        "cam_R_m2c": [1, 0, 0, 0, 1, 0, 0, 0, 1],
+                        "cam_t_m2c": [0, 0, 900],
+                    }
+                ]
+            }
+        )
+    )
+    said = refused([*command, "--ground-truth", str(elsewhere.parent)], capsys)
+    assert "none of the instances has a known true pose" in said
+    assert main([*command, "--method", "direct", "--out", str(tmp_path / "direct.npz")]) == 0
 
 
 def test_explanations_are_those_of_the_forecaster(world: Path, tmp_path: Path) -> None:
@@ -238,9 +274,9 @@ def test_a_second_model_stands_in_where_a_supporter_is_missing(
         if 25 <= i < 40:
             assert (row["verdict"], row["probability"]) == ("abstain", "")
             continue
-        model, told = ("ab.npz", "b") if 10 <= i < 30 else ("abc.npz", "b, c")
+        model, supporters = ("ab.npz", "b") if 10 <= i < 30 else ("abc.npz", "b, c")
         assert row["probability"] == each[model][i]["probability"]
-        assert row["reason"].endswith(f"; with {told}")
+        assert row["reason"].endswith(f"; with {supporters}")
     said = refused(predict(world, tmp_path, models=both, names="ac", folder=tmp_path), capsys)
     assert "there are no estimates by b for the model with 2" in said
 

@@ -14,39 +14,37 @@ from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
 from graspcast.forecasting.models.out_of_fold import OutOfFold
-from graspcast.forecasting.samples import Samples
 from graspcast.forecasting.train import train_forecaster
+from graspcast.forecasting.training_data import TrainingData
 from graspcast.guarantees.certify import certify
 from graspcast.guarantees.threshold_sequence import learn_sequence
-from synthetic import samples, with_keys
+from synthetic import tried, with_keys
 
 SHORT = NetworkSettings(members=1, optimiser=MlpSettings(epochs=200, rate=1e-2))
 
 
 @pytest.fixture(scope="module")
 def forecaster() -> Forecaster:
-    return train_forecaster(
-        samples(120, noise=0.0), method="MLP-O", features="paper", settings=SHORT
-    )
+    return train_forecaster(tried(120, noise=0.0), method="MLP-O", settings=SHORT)
 
 
 @pytest.fixture(scope="module")
-def calibration() -> Samples:
+def calibration() -> TrainingData:
     """240 trials in 80 scenes from number 100 on."""
-    given = samples(240, seed=3, noise=0.0, scenes=80)
+    given = tried(240, seed=3, noise=0.0, scenes=80)
     estimates = with_keys(given.estimates, scene_id=given.estimates.scene_id + 100)
     return dataclasses.replace(given, estimates=estimates)
 
 
 def test_it_certifies_the_forecasts_for_the_units(
-    forecaster: Forecaster, calibration: Samples
+    forecaster: Forecaster, calibration: TrainingData
 ) -> None:
     found = certify_forecaster(
         forecaster, calibration, rate=0.8, unit="image", ood_alpha=0.0, per_object=True, seed=4
     )
     expected = certify(
         forecaster.probability(calibration.estimates),
-        calibration.success,
+        calibration.own_success == 1,
         unit_names(calibration.estimates.instances, "image"),
         objects=calibration.objects,
         rate=0.8,
@@ -68,14 +66,14 @@ def test_it_certifies_the_forecasts_for_the_units(
 
 
 def test_what_is_out_of_distribution_is_not_attempted(
-    forecaster: Forecaster, calibration: Samples
+    forecaster: Forecaster, calibration: TrainingData
 ) -> None:
     none = certify_forecaster(forecaster, calibration, rate=0.8, ood_alpha=1.0)
     assert (none.overall.attempts, none.overall.threshold) == (0, None)
 
 
 def test_the_sequence_is_learned_from_out_of_fold_predictions(
-    forecaster: Forecaster, calibration: Samples
+    forecaster: Forecaster, calibration: TrainingData
 ) -> None:
     rng = np.random.default_rng(0)
     probability = rng.random(300)
@@ -105,7 +103,7 @@ class _WithPredictions:
 
 
 def test_training_scenes_are_refused_unless_they_are_allowed(
-    forecaster: Forecaster, calibration: Samples
+    forecaster: Forecaster, calibration: TrainingData
 ) -> None:
     columns = {"scene_id": calibration.estimates.scene_id - 98}
     known = dataclasses.replace(calibration, estimates=with_keys(calibration.estimates, **columns))

@@ -80,7 +80,7 @@ def test_scores_are_those_of_forecasts_without_the_supporter(
 ) -> None:
     world = EstimatorWorld.make()
     principal = found.principals["a"]
-    success = world.training_data("a").samples.success
+    success = world.training_data("a").tried().own_success == 1
     values = {}
     for names in ("abc", "ab"):
         given = dataclasses.replace(world, poses={n: world.poses[n] for n in names}, names=names)

@@ -40,8 +40,8 @@ def test_principals_are_the_estimators_with_outcomes(tmp_path: Path) -> None:
     found = principal_training_data(given, outcomes, "parallel")
     assert [each.principal for each in found] == ["a", "b"]
     assert all(each.estimates.estimators == ("a", "b", "c") for each in found)
-    assert [len(each.samples) for each in found] == [60, 30]
-    assert any("c with the parallel gripper: it is only a supporter" in n for n in given.notes)
+    assert [len(each.tried()) for each in found] == [60, 30]
+    assert any("outcome of c " in n and "only a supporter" in n for n in given.notes)
     assert "30 instances have no outcome of b" in given.notes
 
 

@@ -1,4 +1,4 @@
-"""What moved a probability: groups, and their influence on a predictor that is known."""
+"""Attribution: groups of features, and the attributions of a linear model."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ALONE = ("view_", "axis_")
 
 @dataclass(frozen=True)
 class Linear:
-    """A predictor whose influences can be said beforehand."""
+    """A linear model, whose attributions are known."""
 
     weights: ndarray
 
@@ -79,7 +79,7 @@ def test_a_single_disagreement_is_a_group_of_its_own() -> None:
 
 
 @given(st.integers(0, 10**6))
-def test_influences_on_a_linear_predictor_are_the_sums_of_its_terms(seed: int) -> None:
+def test_attributions_of_a_linear_model_are_the_sums_of_its_terms(seed: int) -> None:
     rng = np.random.default_rng(seed)
     names = ("rot_x.b", "dx.b", "ray.c", "angle_between.b.c", "view_x", "mid_turn_x", "add_max_rel")
     features = Features(names, rng.normal(size=(5, 7)))

@@ -14,16 +14,15 @@ from graspcast.forecasting.fallbacks import Fallbacks
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
-from graspcast.forecasting.samples import Samples
 from graspcast.forecasting.train import train_forecaster
 
 NAMES = ("a", "b", "c", "e")
 
 
 def forecaster_of(*names: str, **changes: str) -> Forecaster:
-    samples = synthetic.samples(60, names=NAMES)
-    mine = dataclasses.replace(samples, estimates=samples.estimates.only(*names), **changes)
-    assert isinstance(mine, Samples)
+    samples = synthetic.tried(60, names=NAMES)
+    mine = dataclasses.replace(samples.only(*names), **changes)
+    mine = dataclasses.replace(mine, success=np.tile(samples.own_success, (len(names), 1)))
     quick = NetworkSettings(members=1, optimiser=MlpSettings(epochs=40))
     return train_forecaster(mine, method="MLP-O", settings=quick)
 

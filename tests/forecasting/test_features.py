@@ -198,7 +198,7 @@ def test_no_ground_truth_can_get_in() -> None:
 
 @pytest.mark.ill_typed
 def test_missing_models_and_names(models: dict[str, Models]) -> None:
-    with pytest.raises(MismatchError, match="no object models for dataset 'd'; known: none"):
+    with pytest.raises(MismatchError, match="models for dataset 'd'; there are models of: none"):
         consensus_features(three(), "a", which="rich")
     with pytest.raises(UnknownNameError, match="unknown object '7'; known: 1, 2"):
         consensus_features(three(obj_id=7), "a", which="rich", models=models)

@@ -1,4 +1,4 @@
-"""Familiarity: p-values keep their promise, and what is strange is found."""
+"""Novelty detection: validity of p-values, and detection of outliers."""
 
 from __future__ import annotations
 

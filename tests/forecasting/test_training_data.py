@@ -1,8 +1,7 @@
-"""Lessons: whose outcomes count, and errors that were tried in simulation."""
+"""Training data: joins of estimates with outcomes, and simulated trials."""
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ import synthetic
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
-from graspcast.forecasting.training_data import SimulatedTrials, as_training_data, training_data
+from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
 
 NAMES = ("a", "b", "c")
 
@@ -49,18 +48,16 @@ def crowded() -> Estimates:
 def test_other_estimators_outcomes_count_only_where_the_object_appears_once() -> None:
     given = crowded()
     table = outcomes(given)
-    learned = training_data(given, table, "b", "parallel")
+    data = TrainingData.join(given, table, "b", "parallel")
     several = np.isin(given.im_id, [3, 4])
     mine = table.filter(gripper="parallel")
     for k, name in enumerate(NAMES):
         expected = mine.filter(estimator=name)["success"].to_numpy().astype(float)
         if name != "b":
             expected = np.where(several, np.nan, expected)
-        assert_array_equal(learned.success[k], expected)
-    assert len(learned.samples) == 14
-    assert_array_equal(
-        learned.samples.success, mine.filter(estimator="b")["success"].to_numpy() == 1
-    )
+        assert_array_equal(data.success[k], expected)
+    assert len(data.tried()) == 14
+    assert_array_equal(data.own_success, mine.filter(estimator="b")["success"].to_numpy())
 
 
 def test_outcomes_of_other_instances_and_grippers_do_not_matter() -> None:
@@ -72,10 +69,12 @@ def test_outcomes_of_other_instances_and_grippers_do_not_matter() -> None:
         success=pl.when(foreign).then(1 - pl.col("success")).otherwise(pl.col("success"))
     )
     assert not flipped.equals(table)
-    one, two = (training_data(kept, each, "a", "parallel") for each in (table, flipped))
+    one, two = (TrainingData.join(kept, each, "a", "parallel") for each in (table, flipped))
     assert_array_equal(one.success, two.success)
     assert np.isfinite(one.success).all()
-    shuffled = training_data(kept, table.sample(fraction=1, shuffle=True, seed=1), "a", "parallel")
+    shuffled = TrainingData.join(
+        kept, table.sample(fraction=1, shuffle=True, seed=1), "a", "parallel"
+    )
     assert_array_equal(shuffled.success, one.success)
 
 
@@ -84,37 +83,27 @@ def test_what_is_not_known_is_nan_and_selecting_keeps_rows_together() -> None:
     table = outcomes(given).filter(pl.col("im_id") % 3 == 0)
     truth = synthetic.true_poses(20)
     truth[5] = np.nan
-    learned = training_data(given, table, "a", "parallel", truth=truth)
-    assert_array_equal(np.isnan(learned.success), np.tile(np.arange(20) % 3 != 0, (3, 1)))
-    assert_array_equal(learned.has_truth, np.arange(20) != 5)
-    assert learned.samples.untried == 13
-    part = learned.select(np.array([9, 5, 0]))
+    data = TrainingData.join(given, table, "a", "parallel", truth=truth)
+    assert_array_equal(np.isnan(data.success), np.tile(np.arange(20) % 3 != 0, (3, 1)))
+    assert_array_equal(data.has_truth, np.arange(20) != 5)
+    assert_array_equal(data.tried().estimates.im_id, np.arange(0, 20, 3))
+    part = data.select(np.array([9, 5, 0]))
     assert_array_equal(part.estimates.im_id, [9, 5, 0])
     assert_array_equal(part.has_truth, [True, False, True])
-    assert_array_equal(part.success, learned.success[:, [9, 5, 0]])
-    nothing = training_data(given, None, "a", "parallel")
+    assert_array_equal(part.success, data.success[:, [9, 5, 0]])
+    nothing = TrainingData.join(given, None, "a", "parallel")
     assert np.isnan(nothing.success).all()
     assert not nothing.has_truth.any()
     with pytest.raises(MismatchError, match=r"no instance has an outcome of a with the parallel"):
-        nothing.samples  # noqa: B018
+        nothing.tried()
 
 
 def test_unknown_names() -> None:
     given = synthetic.estimates(6)
     with pytest.raises(UnknownNameError, match=r"unknown estimator 'z'; known: a, b, c"):
-        training_data(given, outcomes(given), "z", "parallel")
+        TrainingData.join(given, outcomes(given), "z", "parallel")
     with pytest.raises(UnknownNameError, match=r"'paralel' .did you mean 'parallel'"):
-        training_data(given, outcomes(given), "a", "paralel")
-
-
-def test_samples_are_lessons_of_the_principal_alone() -> None:
-    samples = dataclasses.replace(synthetic.samples(30), principal="b")
-    learned = as_training_data(samples)
-    assert_array_equal(learned.success[1], samples.success)
-    assert np.isnan(learned.success[[0, 2]]).all()
-    assert not learned.has_truth.any()
-    assert_array_equal(learned.samples.success, samples.success)
-    assert as_training_data(learned) is learned
+        TrainingData.join(given, outcomes(given), "a", "paralel")
 
 
 # --- Simulated trials -----------------------------------------------------------------------------
@@ -124,7 +113,7 @@ def campaign(path: Path, trials: SimulatedTrials, gripper: str) -> Path:
     names = [name.rpartition("-") for name in trials.objects.tolist()]
     frame = pl.DataFrame(
         {
-            "estimator": "borrowed",
+            "estimator": "transferred",
             "dataset": [dataset for dataset, _, _ in names],
             "scene_id": 0,
             "im_id": np.arange(len(trials)),
@@ -160,8 +149,75 @@ def test_simulated_trials_of_one_gripper_from_several_campaigns(tmp_path: Path) 
     assert_array_equal(chosen.success, second.success)
     assert len(SimulatedTrials.read(paths, "hand")) == 9
     with pytest.raises(
-        MismatchError, match=r"no simulated trial of the foot gripper; there are of hand, parallel"
+        MismatchError,
+        match=r"trial of the foot gripper; there are trials of hand, parallel",
     ):
         SimulatedTrials.read(paths, "foot")
     with pytest.raises(FormatError, match=r"none"):
         SimulatedTrials.read([tmp_path / "none.parquet"], "parallel")
+
+
+def trials(estimates: Estimates, success: list[int], estimator: str = "a") -> pl.DataFrame:
+    return pl.DataFrame(
+        {
+            "estimator": [estimator] * len(estimates),
+            "dataset": estimates.dataset.tolist(),
+            "scene_id": estimates.scene_id,
+            "im_id": estimates.im_id,
+            "obj_id": estimates.obj_id,
+            "est_id": estimates.est_id,
+            "gripper": ["parallel"] * len(estimates),
+            "success": success,
+        }
+    )
+
+
+def test_outcomes_find_their_instances_whatever_their_order() -> None:
+    given_ = synthetic.estimates(9)
+    success = [1, 0, 0, 1, 1, 0, 1, 0, 0]
+    shuffled = trials(given_, success).sample(fraction=1, shuffle=True, seed=3)
+    data = TrainingData.join(given_, shuffled, "a", "parallel")
+    assert data.own_success.tolist() == success
+    assert data.is_tried.all()
+    assert_array_equal(data.tried().estimates.cam_T_obj, given_.cam_T_obj)
+
+
+def test_several_instances_of_one_object_in_one_image() -> None:
+    given_ = synthetic.with_keys(
+        synthetic.estimates(3, objects=(1,), scenes=1),
+        im_id=np.zeros(3, int),
+        est_id=np.array([2, 0, 1]),
+    )
+    table = trials(given_, [1, 0, 1])
+    assert TrainingData.join(given_, table, "a", "parallel").own_success.tolist() == [1, 0, 1]
+    first = table.filter(pl.col("est_id") == 1)
+    tried = TrainingData.join(given_, first, "a", "parallel").tried()
+    assert tried.estimates.est_id.tolist() == [1]
+    assert tried.own_success.tolist() == [1]
+
+
+def test_only_the_principals_trials_with_the_gripper_count_as_tried() -> None:
+    given_ = synthetic.estimates(6)
+    table = trials(given_, [1] * 6)
+    others = table.with_columns(estimator=pl.lit("b")), table.with_columns(gripper=pl.lit("hand"))
+    data = TrainingData.join(given_, pl.concat([table[1:4], *others]), "a", "parallel")
+    assert data.is_tried.tolist() == [False, True, True, True, False, False]
+    tried = data.tried()
+    assert tried.estimates.im_id.tolist() == [1, 2, 3]
+    chosen = tried.select(np.array([True, False, True]))
+    assert chosen.estimates.im_id.tolist() == [1, 3]
+    assert (chosen.principal, chosen.gripper) == ("a", "parallel")
+
+
+def test_messages_list_what_there_is() -> None:
+    given_ = synthetic.estimates(4)
+    table = trials(given_, [1, 0, 1, 0])
+    with pytest.raises(UnknownNameError, match="unknown estimator 'z'; known: a, b, c"):
+        TrainingData.join(given_, table, "z", "parallel")
+    with pytest.raises(UnknownNameError, match=r"'paralel' \(did you mean 'parallel'\?\); known"):
+        TrainingData.join(given_, table, "a", "paralel")
+    with pytest.raises(MismatchError, match=r"no instance has an outcome of b .* of a on d"):
+        TrainingData.join(given_, table, "b", "parallel")
+    elsewhere = table.with_columns(dataset=pl.lit("e"))
+    with pytest.raises(MismatchError, match="there are outcomes of a on e"):
+        TrainingData.join(given_, elsewhere, "a", "parallel")

@@ -6,15 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from graspcast.errors import UnknownNameError
-from graspcast.forecasting.models.encoding import one_hot
 from graspcast.forecasting.models.mlp.train import train
-from graspcast.forecasting.models.mlp.types import MlpSettings, Problem, Watch
-from graspcast.forecasting.splits import validation_part
+from graspcast.forecasting.models.mlp.types import MlpSettings, Problem, ValidationSet
+from graspcast.forecasting.splits import validation_mask
 from graspcast.paper.configurations import CONFIGURATIONS, Cell, CellKey, run
 
 SHORT = MlpSettings(epochs=20, hidden=(8, 4), rate=1e-2)
@@ -46,32 +42,8 @@ def test_who_shares_a_network() -> None:
     }
 
 
-def test_one_hot() -> None:
-    assert one_hot(["b", "a", "b"], ("a", "b", "c"), "object").tolist() == [
-        [0, 1, 0],
-        [1, 0, 0],
-        [0, 1, 0],
-    ]
-    with pytest.raises(UnknownNameError, match="unknown gripper 'z'; known: a, b"):
-        one_hot(["a", "z"], ("a", "b"), "gripper")
-
-
-@given(st.lists(st.integers(0, 40), min_size=1, max_size=5), st.integers(0, 99))
-def test_the_validation_part_keeps_the_share_of_each_stratum(sizes: list[int], seed: int) -> None:
-    strata = np.repeat(np.arange(len(sizes)), sizes)
-    part = validation_part(strata, seed)
-    assert_array_equal(part, validation_part(strata, seed))
-    for k, size in enumerate(sizes):
-        assert part[strata == k].sum() == round(0.2 * size)
-
-
-def test_the_seed_draws_the_validation_part() -> None:
-    strata = np.repeat([0, 1], 50)
-    assert (validation_part(strata, 0) != validation_part(strata, 1)).any()
-
-
 def directly(keys: list[CellKey], given_cells: Cells, hot: dict[CellKey, list[int]]) -> Problem:
-    """The pool's training problem put together by hand; watches its cells' test samples."""
+    """The pool's training problem, put together by hand."""
     train_x, train_y, test_x, test_y, group = [], [], [], [], []
     for key in keys:
         cell = given_cells[key]
@@ -81,8 +53,8 @@ def directly(keys: list[CellKey], given_cells: Cells, hot: dict[CellKey, list[in
         test_x += x[~cell.is_train].tolist()
         test_y += cell.success[~cell.is_train].tolist()
         group += [OBJECTS.index(key[1])] * int((~cell.is_train).sum())
-    watch = Watch(np.array(test_x), np.array(test_y), np.array(group))
-    return Problem(np.array(train_x), np.array(train_y), watch=(watch,))
+    validation = ValidationSet(np.array(test_x), np.array(test_y), np.array(group))
+    return Problem(np.array(train_x), np.array(train_y), validation=(validation,))
 
 
 def hot_inputs(name: str, given_cells: Cells) -> dict[CellKey, list[int]]:
@@ -113,7 +85,7 @@ def test_each_cell_gets_its_own_test_samples_in_order(name: str) -> None:
             stop = start + int((~given_cells[key].is_train).sum())
             mine = slice(start, stop)
             assert_array_equal(found["last"][key], trained.last.probabilities[0][mine])
-            seen = trained.watched[0]
+            seen = trained.validation[0]
             group = OBJECTS.index(key[1])
             best = seen.best_by_group[group] if configuration.pools_objects else seen.best
             assert_array_equal(found["paper"][key], best.probabilities[0][mine])
@@ -167,11 +139,11 @@ def test_the_validation_part_is_not_trained_on_and_chooses_the_checkpoint() -> N
     )
     assert list(found) == ["validated"]
     x, y = cell.features[cell.is_train], cell.success[cell.is_train]
-    part = validation_part(y.astype(int), 2000)
-    watches = (Watch(cell.features[~cell.is_train], np.zeros((~cell.is_train).sum(), bool)),)
-    problem = Problem(x[~part], y[~part], (*watches, Watch(x[part], y[part])), seed=2000)
+    part = validation_mask(y.astype(int), 2000)
+    test = ValidationSet(cell.features[~cell.is_train], np.zeros((~cell.is_train).sum(), bool))
+    problem = Problem(x[~part], y[~part], (test, ValidationSet(x[part], y[part])), seed=2000)
     (trained,) = train([problem], SHORT)
-    chosen = trained.watched[1]
+    chosen = trained.validation[1]
     assert chosen.lowest_loss.epoch == 1 + int(np.argmin(chosen.loss))
     assert_array_equal(found["validated"][key], chosen.lowest_loss.probabilities[0])
 

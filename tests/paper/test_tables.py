@@ -98,7 +98,7 @@ def test_without_the_release_add_comes_from_the_meshes(data: Published, tmp_path
 
 
 def test_a_directory_without_the_data_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no published/lmo/trials\.csv here; --data takes"):
+    with pytest.raises(InputError, match=r"no published/lmo/trials\.csv here; the directory"):
         Published(tmp_path)
 
 
@@ -166,17 +166,17 @@ def test_a_difference_has_its_sign() -> None:
     assert "+0.010" in mlp
 
 
-def test_nobody_gets_a_figure_without_its_protocol() -> None:
+def test_every_figure_of_a_network_has_its_protocol() -> None:
     found = found_as_printed()
     for i, protocol in enumerate(PROTOCOLS):
         for j, method in enumerate(CONFIGURATIONS):
             averages = found["table3"][method][protocol]
             averages |= {"parallel": 0.1 * i + 0.01 * j, "underactuated": 0.5 + 0.1 * i + 0.01 * j}
-    honest = lines_of(render(found), "## Below Table III")
-    header = [cell.strip() for cell in honest[0].strip("|").split("|")]
+    by_protocol = lines_of(render(found), "## Table III without selection")
+    header = [cell.strip() for cell in by_protocol[0].strip("|").split("|")]
     assert header == ["Method", *(f"{p} {g[:3]}." for p in PROTOCOLS for g in GRIPPERS)]
     rows = {}
-    for line in honest[2:]:
+    for line in by_protocol[2:]:
         name, *cells = (cell.strip() for cell in line.strip("|").split("|"))
         rows[name] = dict(zip(header[1:], cells, strict=True))
     assert list(rows) == ["baseline", *CONFIGURATIONS, "majority"]
@@ -184,7 +184,7 @@ def test_nobody_gets_a_figure_without_its_protocol() -> None:
         for i, protocol in enumerate(PROTOCOLS):
             assert rows[method][f"{protocol} par."] == f"{0.1 * i + 0.01 * j:.3f}"
             assert rows[method][f"{protocol} und."] == f"{0.5 + 0.1 * i + 0.01 * j:.3f}"
-    # What has nothing to choose has no figure by the paper's protocol.
+    # Methods without checkpoints have no figure by the paper's protocol.
     for name in ("baseline", "majority"):
         assert rows[name]["paper par."] == rows[name]["paper und."] == "-"
         assert rows[name]["last par."] == rows[name]["validated par."] != "-"
@@ -228,7 +228,7 @@ def test_columns_are_aligned() -> None:
 
 # --- The whole reproduction -----------------------------------------------------------------------
 
-HONEST: dict[tuple[str, Protocol], tuple[float, float]] = {
+WITHOUT_SELECTION: dict[tuple[str, Protocol], tuple[float, float]] = {
     ("MLP", "paper"): (0.848, 0.888),
     ("MLP", "last"): (0.802, 0.843),
     ("MLP-O", "paper"): (0.870, 0.903),
@@ -240,7 +240,7 @@ HONEST: dict[tuple[str, Protocol], tuple[float, float]] = {
 @pytest.mark.slow
 def test_the_whole_reproduction(data: Published) -> None:
     heard: dict[str, list[float]] = {}
-    found = reproduce(data, progress=lambda name, share: heard.setdefault(name, []).append(share))
+    found = reproduce(data, progress=lambda share, name: heard.setdefault(name, []).append(share))
     again = json.loads(json.dumps(found, allow_nan=False))
     assert set(again) == {
         "table1",
@@ -265,7 +265,7 @@ def test_the_whole_reproduction(data: Published) -> None:
         # The choice by test accuracy flatters.
         for gripper in GRIPPERS:
             assert table3[method]["paper"][gripper] > table3[method]["last"][gripper]
-    for (method, protocol), expected in HONEST.items():
+    for (method, protocol), expected in WITHOUT_SELECTION.items():
         for gripper, figure in zip(GRIPPERS, expected, strict=True):
             assert table3[method][protocol][gripper] == pytest.approx(figure, abs=0.03)
     assert round(again["majority"]["parallel"], 3) == 0.755

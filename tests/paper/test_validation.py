@@ -18,7 +18,7 @@ HANDS = ("parallel", "underactuated")
 
 @pytest.fixture(scope="module")
 def found() -> dict[str, Any]:
-    """Six trials a gripper of the soup can by one estimator, two in each part of the images."""
+    """Six trials a gripper of the soup can by one estimator, two in each split."""
     keys = pl.DataFrame(
         {
             "estimator": ["epos"] * 12,
@@ -33,8 +33,8 @@ def found() -> dict[str, Any]:
     given = np.array([1, 0, 1, 0, 1, 0, 1, 1, 1, 1, 1, 1], dtype=bool)
     ours = np.array([1, 1, 1, 0, 1, 0, 1, 1, 1, 1, 1, 0], dtype=bool)
     reasons = ["held" if s else "blocked" for s in ours]
-    part = np.array(2 * ["fit", "fit", "choose", "choose", "report", "report"])
-    trials = ObservedTrials(TrialRequests(keys, np.tile(np.eye(4), (12, 1, 1))), given, part)
+    split = np.array(2 * ["train", "train", "validation", "validation", "test", "test"])
+    trials = ObservedTrials(TrialRequests(keys, np.tile(np.eye(4), (12, 1, 1))), given, split)
     # A campaign's outcomes come in an order of their own.
     outcomes = keys.with_columns(
         grasp=pl.lit("reference"), success=pl.Series(ours), reason=pl.Series(reasons)
@@ -46,11 +46,11 @@ def found() -> dict[str, Any]:
     return compare(trials, outcomes, grasps, {("ycbv-4", g): 19 for g in HANDS})
 
 
-def test_parts_are_told_apart(found: dict[str, Any]) -> None:
+def test_agreement_is_computed_for_each_split(found: dict[str, Any]) -> None:
     parallel = found["cells"]["ycbv-4 by parallel"]
-    assert [parallel[p]["accuracy"] for p in ("fit", "choose", "report")] == [0.5, 1.0, 1.0]
-    assert parallel["report"]["n"] == 2 and parallel["report"]["majority"] == 0.5
-    assert parallel["reasons"] == {"blocked": 1, "held": 1}, "the report part's alone"
+    assert [parallel[p]["accuracy"] for p in ("train", "validation", "test")] == [0.5, 1.0, 1.0]
+    assert parallel["test"]["n"] == 2 and parallel["test"]["majority"] == 0.5
+    assert parallel["reasons"] == {"blocked": 1, "held": 1}, "of the test split only"
 
 
 def test_summary(found: dict[str, Any]) -> None:

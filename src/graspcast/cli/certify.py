@@ -99,20 +99,20 @@ def _certify(options: argparse.Namespace) -> None:
     from graspcast.estimates.loading import load_outcomes
     from graspcast.evaluation.certification import certify_forecaster
     from graspcast.forecasting.forecaster import Forecaster
-    from graspcast.forecasting.samples import join
+    from graspcast.forecasting.training_data import TrainingData
 
     forecaster = Forecaster.load(options.model)
     card = forecaster.card
     inputs = inputs_of(options)
     estimates = inputs.estimates(card.principal)
     outcomes = load_outcomes(options.outcomes, estimates.estimators)
-    samples = join(estimates, outcomes, card.principal, card.gripper)
+    data = TrainingData.join(estimates, outcomes, card.principal, card.gripper)
     note(*inputs.notes)
-    if samples.untried:
-        note(f"left out {samples.untried} instances without an outcome")
+    if untried := int((~data.is_tried).sum()):
+        note(f"left out {untried} instances without an outcome")
     certificate = certify_forecaster(
         forecaster,
-        samples,
+        data,
         rate=options.rate,
         confidence=options.confidence,
         unit=options.unit,

@@ -19,11 +19,13 @@ def add(verbs: Verbs) -> None:
         verbs,
         "check-gripper",
         _check_gripper,
-        "whether an own gripper is fit for trials",
-        "Check that a gripper, given as MJCF with a short TOML, does what trials need of one: it\n"
-        "opens, closes, settles, holds, drops, and does the same again.",
+        "check a gripper for trials",
+        "Run the conformance checks on a gripper, given as an MJCF model with a TOML file: it\n"
+        "must open, close, come to rest, hold, drop, and give the same outcome again.",
     )
-    verb.add_argument("gripper", metavar="FILE", help="the gripper's .toml, or a built-in's name")
+    verb.add_argument(
+        "gripper", metavar="FILE", help="TOML file of a gripper, or name of a built-in one"
+    )
 
 
 def _check_gripper(options: argparse.Namespace) -> None:

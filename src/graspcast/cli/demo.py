@@ -167,7 +167,7 @@ def _steps(
         yield (
             title,
             ["watch", "--object", f"{dataset.name}-{row['obj_id']}", "--gripper", gripper, *mine]
-            + ["--image", f"{row['scene_id']}/{row['im_id']}", "--instance", str(row["est_id"])]
+            + ["--image", f"{row['scene_id']}/{row['im_id']}", "--est-id", str(row["est_id"])]
             + ["--out", f"{out}/{name}.png"],
         )
     yield (

@@ -1,13 +1,17 @@
-"""The verb that compares methods: ``evaluate``."""
+"""The verb ``evaluate``: all methods under all protocols."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text, progress_bar
 from graspcast.cli.options import Verbs, add_json, add_outcomes, new_verb, positive, write_json
 from graspcast.errors import InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from graspcast.evaluation.benchmark import Benchmark
 
 __all__ = ["add"]
 
@@ -20,10 +24,10 @@ def add(verbs: Verbs) -> None:
         verbs,
         "evaluate",
         _evaluate,
-        "compare all methods, by every protocol",
-        "Train and judge every method by every protocol, and print as Markdown scores with\n"
-        "confidence intervals, paired differences, and what following the forecasts is worth.\n"
-        "With --work, started again, it goes on from where it was.",
+        "compare all methods under every protocol",
+        "Train and test every method under every protocol, and print scores with confidence\n"
+        "intervals, paired differences and net benefit as Markdown. With --work, an interrupted\n"
+        "run can be resumed.",
     )
     verb.add_argument(
         "--data",
@@ -36,7 +40,7 @@ def add(verbs: Verbs) -> None:
         verb,
         required=False,
         what="outcomes of your own simulated trials (a campaign's directory), for methods that "
-        "learn from simulation and for the protocol unseen_object_simulated; may be repeated",
+        "use simulation and for the protocol unseen_object_simulated; may be repeated",
     )
     verb.add_argument(
         "--transferred",
@@ -45,7 +49,7 @@ def add(verbs: Verbs) -> None:
         action="append",
         default=[],
         help="trials by errors transferred from other objects (simulate --transferred-errors), "
-        "from which two stages learn an object or gripper that has no outcomes; may be repeated",
+        "on which two-stage is trained for an object or gripper without outcomes; may be repeated",
     )
     verb.add_argument("--methods", metavar="NAME", nargs="+", help="default: all")
     verb.add_argument(
@@ -59,24 +63,26 @@ def add(verbs: Verbs) -> None:
         metavar="X",
         type=float,
         default=2.0,
-        help="of a failed attempt, in units of what a success gains (default: 2)",
+        help="cost of a failed attempt, in units of the gain of a success (default: 2)",
     )
     verb.add_argument(
         "--abstain-cost",
         metavar="X",
         type=float,
         default=0.2,
-        help="of not attempting, in the same units (default: 0.2)",
+        help="cost of not attempting, in the same units (default: 0.2)",
     )
     verb.add_argument(
         "--bootstrap",
         metavar="N",
         type=positive,
         default=1000,
-        help="draws of scenes for intervals (default: 1000)",
+        help="bootstrap draws of scenes for intervals (default: 1000)",
     )
     verb.add_argument("--seed", metavar="N", type=int, default=0, help="of everything random")
-    verb.add_argument("--work", metavar="DIR", type=Path, help="keeps what has been computed")
+    verb.add_argument(
+        "--work", metavar="DIR", type=Path, help="save forecasts here, and resume from them"
+    )
     verb.add_argument(
         "--figures",
         metavar="DIR",
@@ -91,25 +97,29 @@ def add(verbs: Verbs) -> None:
 
 
 def _chosen(kind: str, asked: list[str] | None, known: list[str]) -> list[str]:
-    """The asked names, each once, or all."""
+    """Return the requested names, each once, or all."""
     for name in asked or []:
         if name not in known:
             raise UnknownNameError(kind, name, known)
     return list(dict.fromkeys(asked or known))
 
 
-def _versions() -> dict[str, str]:
-    import platform
-    from importlib.metadata import version
+def _benchmark(options: argparse.Namespace) -> Benchmark:
+    """Read the published data, and one's own trials if there are any."""
+    from graspcast.estimates.outcomes import read_all_outcomes
+    from graspcast.evaluation.benchmark import Benchmark
+    from graspcast.forecasting.training_data import SimulatedTrials
+    from graspcast.paper.dataset import Published
 
-    from graspcast._version import __version__
-
-    packages = ("numpy", "numba", "scikit-learn", "scipy")
-    return {
-        "graspcast": __version__,
-        "python": platform.python_version(),
-        **{name: version(name) for name in packages},
-    }
+    simulated = read_all_outcomes(options.outcomes) if options.outcomes else None
+    data = Published(options.data)
+    transferred = {}
+    if options.transferred:
+        transferred = {
+            gripper: SimulatedTrials.read(options.transferred, gripper)
+            for gripper in data.outcomes["gripper"].unique().sort().to_list()
+        }
+    return Benchmark.of(data, simulated, transferred)
 
 
 def _evaluate(options: argparse.Namespace) -> None:
@@ -117,8 +127,6 @@ def _evaluate(options: argparse.Namespace) -> None:
     import time
     from dataclasses import asdict
 
-    from graspcast.estimates.outcomes import read_all_outcomes
-    from graspcast.evaluation.benchmark import Benchmark
     from graspcast.evaluation.bootstrap import Bootstrap
     from graspcast.evaluation.methods import METHODS
     from graspcast.evaluation.net_benefit import Costs
@@ -126,8 +134,7 @@ def _evaluate(options: argparse.Namespace) -> None:
     from graspcast.evaluation.report import evaluate
     from graspcast.evaluation.run import forecast_all
     from graspcast.evaluation.tables import render_evaluation
-    from graspcast.forecasting.training_data import SimulatedTrials
-    from graspcast.paper.dataset import Published
+    from graspcast.io.provenance import versions
 
     start = time.perf_counter()
     costs = Costs(options.failure_cost, options.abstain_cost)
@@ -144,13 +151,7 @@ def _evaluate(options: argparse.Namespace) -> None:
 
         check_plotting()
     methods = {name: METHODS[name](options.seed) for name in names}
-    simulated = read_all_outcomes(options.outcomes) if options.outcomes else None
-    data = Published(options.data)
-    transferred = {}
-    if options.transferred:
-        grippers = data.outcomes["gripper"].unique().sort().to_list()
-        transferred = {g: SimulatedTrials.read(options.transferred, g) for g in grippers}
-    benchmark = Benchmark.of(data, simulated, transferred)
+    benchmark = _benchmark(options)
     with progress_bar("evaluating") as move:
         forecasts = forecast_all(
             benchmark, methods, protocols, work=options.work, seed=options.seed, progress=move
@@ -165,7 +166,7 @@ def _evaluate(options: argparse.Namespace) -> None:
         "bootstrap": {**asdict(bootstrap), "unit": "scene, or block of frames of an only scene"},
         "seed": options.seed,
         "data": benchmark.digest(own_trials=True),
-        "versions": _versions(),
+        "versions": versions("numba", "scikit-learn", "scipy"),
         "seconds": time.perf_counter() - start,
     }
     print_text(render_evaluation(found))

@@ -1,4 +1,4 @@
-"""The verb ``fit-grasp``: a reference grasp that agrees with given outcomes."""
+"""The verb ``fit-grasp``: search for a reference grasp that agrees with observed outcomes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from graspcast.cli.options import (
     new_verb,
     write_json,
 )
-from graspcast.cli.validate_sim import published_trials
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,43 +33,50 @@ def add(verbs: Verbs) -> None:
         verbs,
         "fit-grasp",
         _fit_grasp,
-        "search a reference grasp that agrees with given outcomes",
-        "Search the reference grasp of an object by a gripper under which simulated outcomes\n"
-        "agree best with given ones: on a first part of the images, choosing on a second, and\n"
-        "reporting on a third that the search never sees. Writes or replaces it in a TOML file.",
+        "search for a reference grasp that agrees with observed outcomes",
+        "Search for the reference grasp of an object by a gripper with which simulated outcomes\n"
+        "agree best with observed ones. The images are split into train (search), validation\n"
+        "(choice among finalists) and test (agreement reported). Adds the grasp to a TOML file.",
     )
     verb.add_argument("--data", metavar="DIR", type=Path, help=f"{_DATA}; or name the inputs:")
     add_inputs(verb, required=False)
     add_outcomes(verb, required=False)
     verb.add_argument("--object", metavar="NAME", required=True, help="for example lmo-5")
-    verb.add_argument("--gripper", metavar="NAME", required=True, help="or an own one's .toml")
     verb.add_argument(
-        "--catalogue", metavar="FILE", type=Path, help="objects (TOML) beside the built-in ones"
+        "--gripper", metavar="NAME", required=True, help="name, or the .toml file of a custom one"
     )
-    verb.add_argument("--seed", metavar="N", type=int, default=0, help="of everything random")
+    verb.add_argument(
+        "--catalogue", metavar="FILE", type=Path, help="objects (TOML) besides the built-in ones"
+    )
+    verb.add_argument("--seed", metavar="N", type=int, default=0, help="random seed")
     verb.add_argument(
         "--budget",
         metavar="X",
         type=float,
         default=1.0,
-        help="how much to try, 1 being some 2,000 trials (default: 1)",
+        help="size of the search; 1 is about 2,000 trials (default: 1)",
     )
     verb.add_argument(
-        "--contradicted",
-        action="store_true",
-        help="do not demand that a perfect estimate is held: the given outcomes contradict it",
+        "--no-require-perfect-hold",
+        dest="require_perfect_hold",
+        action="store_false",
+        help="allow a grasp that drops a perfect estimate, if the observed outcomes say so",
     )
     add_out(verb, "the TOML file of grasps")
     add_json(verb)
 
 
 def _trials_of(options: argparse.Namespace) -> tuple[ObservedTrials, dict[str, Path]]:
-    """The trials that the options name, and the datasets' BOP directories."""
+    """Load the trials that the options name, and the BOP directories of their datasets."""
     from graspcast.estimates.loading import load_outcomes
     from graspcast.simulation.grasps.observed_trials import observed_trials
 
     if options.data is not None:
-        return published_trials(options.data)
+        from graspcast.paper.dataset import Published
+        from graspcast.paper.validation import published_trials
+
+        data = Published(options.data)
+        return published_trials(data), {name: dataset.root for name, dataset in data.bop.items()}
     if not (options.estimates and options.bop and options.outcomes):
         raise InputError("give --data, or else --estimates, --bop and --outcomes")
     inputs = inputs_of(options)
@@ -85,7 +91,8 @@ def _trials_of(options: argparse.Namespace) -> tuple[ObservedTrials, dict[str, P
 def _fit_grasp(options: argparse.Namespace) -> None:
     from dataclasses import asdict
 
-    from graspcast.simulation.grasps.search import SearchEffort, fit_grasp, report_grasp
+    from graspcast.simulation.grasps.evaluation import evaluate_grasp
+    from graspcast.simulation.grasps.search import SearchEffort, fit_grasp
     from graspcast.simulation.grasps.table import grasps_in, read_grasps, write_grasps
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.catalogue import read_catalogue
@@ -103,19 +110,19 @@ def _fit_grasp(options: argparse.Namespace) -> None:
         found = fit_grasp(
             grasp_object,
             gripper,
-            trials.of(*pair, "fit"),
-            trials.of(*pair, "choose"),
+            trials.of(*pair, "train"),
+            trials.of(*pair, "validation"),
             seed=options.seed,
             effort=SearchEffort().scaled(options.budget),
             start=[known(*pair).grasp.obj_T_grasp] if pair in known else [],
-            hold_perfect=not options.contradicted,
-            progress=lambda words, done, best: move(done, f"{words}, best {best:.3f}"),
+            require_perfect_hold=options.require_perfect_hold,
+            progress=move,
         )
-    reported = report_grasp(found, grasp_object, gripper, trials.of(*pair, "report"))
-    reference = found.reference(options.seed, reported)
+    test = evaluate_grasp(found.reference, grasp_object, gripper, trials.of(*pair, "test"))
+    reference = found.with_test(test, options.seed)
     rows = [[name.replace("_", " "), str(value)] for name, value in reference.agreement.items()]
     print_table(f"{pair[0]} by {pair[1]}", ["", ""], rows)
     others = [r for r in mine if (r.grasp.object, r.grasp.gripper) != pair]
     write_grasps(options.out, [*others, reference])
     print_text(f"{options.out}: {len(others) + 1} grasps")
-    write_json(options.json, {"report": asdict(reported), **reference.agreement})
+    write_json(options.json, {"test": asdict(test), **reference.agreement})

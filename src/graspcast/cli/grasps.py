@@ -27,8 +27,8 @@ def add(verbs: Verbs) -> None:
         "grasps",
         _grasps,
         "a contact sheet of the reference grasps",
-        "Try every reference grasp with a perfect estimate and draw the hand closed on the object\n"
-        "with the outcome below: objects by grippers, the paper's Figure 2.",
+        "Run each reference grasp with a perfect estimate and draw the closed hand, with the\n"
+        "outcome below (the paper's Figure 2).",
     )
     add_bop(verb)
     verb.add_argument("--objects", metavar="NAME", nargs="+", default=[], help="only these")
@@ -37,11 +37,11 @@ def add(verbs: Verbs) -> None:
         metavar="NAME",
         action="append",
         default=[],
-        help="only these, or an own one's .toml; may be repeated",
+        help="only these, or the .toml file of a custom one; may be repeated",
     )
     add_tables(verb)
     verb.add_argument(
-        "--size", metavar="PIXELS", type=field_size, default=320, help="of a field (default: 320)"
+        "--size", metavar="PIXELS", type=field_size, default=320, help="of a picture (default: 320)"
     )
     add_out(verb, "the sheet (.png)")
 
@@ -56,7 +56,7 @@ def _grasps(options: argparse.Namespace) -> None:
     from graspcast.simulation.objects.catalogue import read_catalogue
 
     if options.out.suffix.lower() != ".png":
-        raise InputError(f"{options.out}: a contact sheet is drawn to .png")
+        raise InputError(f"{options.out}: a contact sheet is a .png file", parameters=("out",))
     catalogue = read_catalogue(options.catalogue)
     entries = [catalogue[name] for name in options.objects or catalogue]
     grippers = [load_gripper(name) for name in options.gripper or GRIPPERS]
@@ -75,5 +75,5 @@ def _grasps(options: argparse.Namespace) -> None:
     labels = [(entry.name, entry.label) for entry in entries]
     save_sheet(options.out, labels, [g.name for g in grippers], cells, size=options.size)
     rows = [(f"{name} by {gripper}", cell.note) for (name, gripper), cell in cells.items()]
-    print_table("reference grasps, perfect estimate", ["", "outcome"], rows)
+    print_table("Reference grasps with a perfect estimate", ["", "outcome"], rows)
     print_text(str(options.out))

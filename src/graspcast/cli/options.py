@@ -118,7 +118,7 @@ def add_inputs(
     )
 
 
-def inputs_of(options: argparse.Namespace) -> Inputs:
+def inputs_of(options: argparse.Namespace, *, every_object: bool = False) -> Inputs:
     """What :func:`add_inputs`'s options name."""
     from graspcast.estimates.loading import load_inputs
 
@@ -126,7 +126,7 @@ def inputs_of(options: argparse.Namespace) -> Inputs:
         options.estimates,
         bop=options.bop,
         ground_truth=options.ground_truth,
-        objects=options.objects,
+        objects=[] if every_object else options.objects,
         scenes=sorted(set().union(*options.scenes)),
         lenient=options.lenient,
     )

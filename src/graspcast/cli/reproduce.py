@@ -1,4 +1,4 @@
-"""The verb ``reproduce``: the paper's tables beside ours."""
+"""The verb ``reproduce``: the paper's tables and ours."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def add(verbs: Verbs) -> None:
         verbs,
         "reproduce",
         _reproduce,
-        "the paper's Tables I to III beside ours",
-        "Print the paper's Tables I, II and III as paper | ours | difference, and below Table III\n"
-        "the same networks by honest protocols, as Markdown.",
+        "reproduce the paper's Tables I to III",
+        "Print the paper's Tables I, II and III as paper | ours | difference, and the networks of\n"
+        "Table III without selection on the test set, as Markdown.",
     )
     verb.add_argument(
         "--data",
@@ -36,12 +36,16 @@ def add(verbs: Verbs) -> None:
         help="holds published/ (what import-release writes), bop/, and raw/ if there is one",
     )
     verb.add_argument(
-        "--seeds", metavar="N", type=positive, default=1, help="train with so many seeds"
+        "--seeds",
+        metavar="N",
+        type=positive,
+        default=1,
+        help="number of seeds to train with (default: 1)",
     )
     add_outcomes(
         verb,
         required=False,
-        what="outcomes of one's own (a campaign's directory) instead of the published ones",
+        what="your own outcomes (a campaign's directory) in place of the published ones",
     )
     add_json(verb)
 
@@ -53,10 +57,6 @@ def _reproduce(options: argparse.Namespace) -> None:
 
     data = Published(options.data, outcomes=options.outcomes)
     with progress_bar("reading") as move:
-        found = reproduce(
-            data,
-            seeds=options.seeds,
-            progress=lambda name, done: move(done, f"training {name}"),
-        )
+        found = reproduce(data, seeds=options.seeds, progress=move)
     print_text(render(found))
     write_json(options.json, found)

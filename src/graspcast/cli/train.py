@@ -1,4 +1,4 @@
-"""The verb ``train``: a forecaster from estimates and outcomes."""
+"""The verb ``train``: train a forecaster on estimates and outcomes."""
 
 from __future__ import annotations
 
@@ -20,6 +20,9 @@ from graspcast.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from numpy import ndarray
+
+    from graspcast.estimates.alignment import Estimates
     from graspcast.estimates.loading import Inputs
     from graspcast.forecasting.training_data import TrainingData
 
@@ -34,11 +37,14 @@ def add(verbs: Verbs) -> None:
         _train,
         "train a forecaster",
         "Train a forecaster of a gripper's success for a principal estimator and its supporters,\n"
-        "print its scores on scenes kept apart from training, and write it as one file.",
+        "print its cross-validated scores on scenes that are not in training, and write it as one\n"
+        "file.",
     )
     add_inputs(verb)
-    verb.add_argument("--principal", metavar="NAME", required=True, help="guides the grasp")
-    verb.add_argument("--gripper", metavar="NAME", required=True, help="whose outcomes to learn")
+    verb.add_argument(
+        "--principal", metavar="NAME", required=True, help="estimator that guides the grasp"
+    )
+    verb.add_argument("--gripper", metavar="NAME", required=True, help="gripper of the outcomes")
     add_outcomes(verb, required=False)
     verb.add_argument(
         "--simulated",
@@ -46,45 +52,62 @@ def add(verbs: Verbs) -> None:
         type=Path,
         action="append",
         default=[],
-        help="a campaign (best: simulate --transferred-errors) from which to learn objects "
-        "without outcomes",
+        help="a campaign (best: simulate --transferred-errors) on which to train for objects "
+        "without outcomes; may be repeated",
     )
     verb.add_argument(
         "--method",
         choices=("blend", "two-stage", "direct", "threshold", "MLP", "MLP-O"),
         default="blend",
-        help="two stages and a direct forest blended (default), either alone; threshold on ADD; "
-        "the paper's networks for each object, or for all",
+        help="the two-stage model and the direct forest blended (default), or either alone; a "
+        "threshold on ADD; the paper's networks for each object, or for all; blend and two-stage "
+        "need ground truth",
     )
     verb.add_argument(
-        "--trees", metavar="N", type=positive, default=128, help="of each forest (default: 128)"
+        "--trees",
+        metavar="N",
+        type=positive,
+        default=128,
+        help="trees of each forest (default: 128)",
     )
     verb.add_argument(
         "--features",
         choices=("paper", "rich"),
         default="rich",
-        help="what networks see (default: rich)",
+        help="input features of networks (default: rich)",
     )
     verb.add_argument(
         "--protocol",
         choices=("validated", "last"),
         default="validated",
-        help="which checkpoint of a network to keep (default: validated)",
+        help="which checkpoint of a network to select (default: validated)",
     )
-    verb.add_argument("--members", metavar="N", type=positive, default=5, help="default: 5")
-    verb.add_argument("--epochs", metavar="N", type=positive, default=3000, help="default: 3000")
+    verb.add_argument(
+        "--members",
+        metavar="N",
+        type=positive,
+        default=5,
+        help="networks of an ensemble (default: 5)",
+    )
+    verb.add_argument(
+        "--epochs",
+        metavar="N",
+        type=positive,
+        default=3000,
+        help="epochs of networks (default: 3000)",
+    )
     verb.add_argument("--seed", metavar="N", type=int, default=0, help="of everything random")
     verb.add_argument(
         "--folds",
         metavar="N",
         type=int,
         default=5,
-        help="parts of the scenes for cross-validation; 0 for none (default: 5)",
+        help="folds of scenes for cross-validation; 0 for none (default: 5)",
     )
     verb.add_argument(
         "--unseen-objects",
         action="store_true",
-        help="also score each object by a forecaster that has not seen it",
+        help="also score each object by a forecaster trained without it",
     )
     add_out(verb, "the model's file (npz)")
     add_json(verb)
@@ -100,7 +123,7 @@ def _train(options: argparse.Namespace) -> None:
     from graspcast.forecasting.train import train_forecaster
 
     inputs = inputs_of(options)
-    learned = _lessons(options, inputs)
+    data = _training_data(options, inputs)
     note(*inputs.notes)
     settings = {
         "method": options.method,
@@ -117,19 +140,19 @@ def _train(options: argparse.Namespace) -> None:
     scores = {}
     scored = bool(options.outcomes)
     if not scored:
-        note("no scores: without --outcomes there is nothing to hold a forecast against")
+        note("no scores, since without --outcomes there are no outcomes to compare forecasts with")
     if scored and options.folds > 1:
         with progress_bar("cross-validating") as move:
             found = cross_validate(
-                learned, folds=options.folds, seed=options.seed, progress=move, **settings
+                data, folds=options.folds, seed=options.seed, progress=move, **settings
             )
         scores["unseen_scenes"] = found.as_dict()
     if scored and options.unseen_objects:
         with progress_bar("leaving out each object") as move:
-            found = cross_validate(learned, by="object", progress=move, **settings)
+            found = cross_validate(data, by="object", progress=move, **settings)
         scores["unseen_objects"] = found.as_dict()
     with progress_bar("training") as move:
-        forecaster = train_forecaster(learned, progress=move, **settings)
+        forecaster = train_forecaster(data, progress=move, **settings)
     card = replace(forecaster.card, scores=scores)
     forecaster = replace(forecaster, card=card)
     if scores:
@@ -138,7 +161,7 @@ def _train(options: argparse.Namespace) -> None:
             for measure in next(iter(scores.values()))
         ]
         header = [options.method, *(name.replace("_", " ") for name in scores)]
-        print_table(f"{options.method}, scores on what training has not seen", header, rows)
+        print_table(f"{options.method}, cross-validated scores", header, rows)
     forecaster.save(options.out)
     write_json(options.json, {"card": card.as_dict()})
     simulated = f" ({len(card.simulated)} by simulation alone)" if card.simulated else ""
@@ -149,38 +172,59 @@ def _train(options: argparse.Namespace) -> None:
     )
 
 
-def _lessons(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
-    """All that the options give to learn from; says what they lack."""
-    import numpy as np
-
+def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
+    """Read the training data; adds to the notes what some instances lack."""
     from graspcast.errors import InputError
     from graspcast.estimates.loading import load_outcomes
-    from graspcast.estimates.matching import true_poses
-    from graspcast.forecasting.samples import join
-    from graspcast.forecasting.training_data import SimulatedTrials, training_data
+    from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
 
+    if not (options.outcomes or options.simulated):
+        raise InputError(
+            "there are neither outcomes nor simulated trials to learn from",
+            parameters=("outcomes", "simulated"),
+        )
     estimates = inputs.estimates(options.principal)
-    outcomes = None
-    if options.outcomes:
-        outcomes = load_outcomes(options.outcomes, estimates.estimators)
-        untried = join(estimates, outcomes, options.principal, options.gripper).untried
-        if untried:
-            inputs.notes.append(f"{untried} instances have no outcome")
+    outcomes = load_outcomes(options.outcomes, estimates.estimators) if options.outcomes else None
     simulated = None
     if options.simulated:
         simulated = SimulatedTrials.read(options.simulated, options.gripper)
-    if outcomes is None and simulated is None:
-        raise InputError("there is nothing to learn from: give --outcomes, --simulated, or both")
     truth = None
     if options.method in ("blend", "two-stage"):
-        if options.method == "two-stage" or outcomes is None:
-            truth = true_poses(estimates, options.principal, inputs.datasets)
-        else:
-            truth = inputs.truth(estimates, options.principal)
-        if truth is not None and (without := int(np.isnan(truth[:, 0, 0]).sum())):
-            inputs.notes.append(f"{without} instances have no ground truth")
-    return training_data(
+        truth = _ground_truth(options, inputs, estimates)
+    data = TrainingData.join(
         estimates, outcomes, options.principal, options.gripper, truth=truth, simulated=simulated
+    )
+    if outcomes is not None and (untried := int((~data.is_tried).sum())):
+        inputs.notes.append(f"{untried} instances have no outcome")
+    if truth is not None and (unknown := int((~data.has_truth).sum())):
+        inputs.notes.append(f"{unknown} instances have no ground truth")
+    return data
+
+
+def _ground_truth(options: argparse.Namespace, inputs: Inputs, estimates: Estimates) -> ndarray:
+    """Return the true poses, NaN where unknown.
+
+    Raises
+    ------
+    InputError
+        If not one is known.
+    """
+    import numpy as np
+
+    from graspcast.errors import GraspcastError, InputError
+    from graspcast.estimates.matching import true_poses
+
+    problem = "none of the instances has a known true pose"
+    try:
+        truth = true_poses(estimates, options.principal, inputs.datasets)
+        if np.isfinite(truth).any():
+            return truth
+    except GraspcastError as error:
+        problem = str(error)
+    raise InputError(
+        f"the method {options.method} needs ground truth: {problem}; give the datasets' ground "
+        "truth, or choose the method direct, which needs none",
+        parameters=("ground_truth", "bop", "method"),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text, progress_bar
 from graspcast.cli.options import (
@@ -37,38 +37,40 @@ def add(verbs: Verbs) -> None:
         "watch",
         _watch,
         "one grasp trial as a film, or in a window",
-        "Run one grasp trial and show it: as a film (.mp4, .gif) or a strip of pictures (.png),\n"
-        "or, without --out, in MuJoCo's viewer. The object is orange, the estimate green. It\n"
-        "is the trial of a perfect estimate, of one off by --offset, or of one in a results CSV\n"
-        "(--estimates, --bop, --image).",
+        "Run one grasp trial and show it as a film (.mp4, .gif), as a strip of pictures (.png)\n"
+        "or, without --out, in MuJoCo's viewer. The object is orange, the estimate green. The\n"
+        "estimate is perfect, or has the error --offset, or is from a results CSV (--estimates,\n"
+        "--bop, --image).",
     )
     verb.add_argument("--object", metavar="NAME", required=True, help="for example lmo-5")
-    verb.add_argument("--gripper", metavar="NAME", required=True, help="or an own one's .toml")
+    verb.add_argument(
+        "--gripper", metavar="NAME", required=True, help="name, or the .toml file of a custom one"
+    )
     add_estimates(verb, required=False)
     add_bop(verb)
     verb.add_argument(
         "--image",
         metavar="SCENE/IMAGE",
         type=scene_and_image,
-        help="which image's estimate is to be tried",
+        help="image of the estimate",
     )
     verb.add_argument(
-        "--instance",
+        "--est-id",
         metavar="N",
         type=int,
         default=0,
-        help="which of several of the object in that image, by score (default: 0)",
+        help="number of the estimate among those of the object in the image, by score (default: 0)",
     )
     verb.add_argument(
         "--offset",
         metavar=("X", "Y", "Z", "RX", "RY", "RZ"),
         nargs=6,
         type=float,
-        help="the estimate's error in the object's frame: mm, and a rotation vector in degrees",
+        help="error of the estimate in the object's frame: mm, and a rotation vector in degrees",
     )
     add_tables(verb)
     verb.add_argument(
-        "--full", action="store_true", help="the whole lift, not only until the outcome is certain"
+        "--full", action="store_true", help="simulate the full lift, without early stopping"
     )
     verb.add_argument(
         "--size",
@@ -76,7 +78,9 @@ def add(verbs: Verbs) -> None:
         type=_size,
         help="pixels of a picture (default: 640x480, in a strip 400x480)",
     )
-    verb.add_argument("--out", metavar="PATH", type=Path, help=".mp4, .gif, or .png for a strip")
+    verb.add_argument(
+        "--out", metavar="PATH", type=Path, help=".mp4 or .gif for a film, .png for a strip"
+    )
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -98,7 +102,7 @@ def _watch(options: argparse.Namespace) -> None:
         from graspcast.rendering.trials.viewer import check_display
 
         check_display()
-    from graspcast.rendering.trials.film import describe, endings
+    from graspcast.rendering.trials.film import describe, suffixes
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.catalogue import read_catalogue
@@ -106,8 +110,11 @@ def _watch(options: argparse.Namespace) -> None:
     from graspcast.simulation.trial.recording import record_trial
     from graspcast.simulation.trial.trial import TrialRunner
 
-    if options.out is not None and options.out.suffix.lower() not in endings():
-        raise InputError(f"{options.out}: a trial is drawn to {', '.join(endings())}")
+    if options.out is not None and options.out.suffix.lower() not in suffixes():
+        raise InputError(
+            f"{options.out}: the suffix must be one of {', '.join(suffixes())}",
+            parameters=("out",),
+        )
     catalogue = read_catalogue(options.catalogue)
     name = catalogue[options.object].name
     gripper = load_gripper(options.gripper)
@@ -122,7 +129,7 @@ def _watch(options: argparse.Namespace) -> None:
         f"({outcome.simulated_s:.2f} s simulated)"
     )
     if not outcome.steps and outcome.reason == "missed":
-        note("the hand never comes near the object; --full shows the whole trial")
+        note("the hand never comes near the object; --full shows the full trial")
     if options.out is None:
         from graspcast.rendering.trials.viewer import replay
 
@@ -156,58 +163,30 @@ def _draw(
 
 
 def _estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray, "4 4"]:
-    """``obj_T_est`` as the options say: perfect, off by ``--offset``, or from a results CSV."""
-    import numpy as np
-
-    from graspcast.pose.transforms import rotation_from_vector, transform
+    """Return ``obj_T_est`` from the options: perfect, with an error, or from a results CSV."""
+    from graspcast.estimates.loading import load_inputs
+    from graspcast.simulation.trial.estimate import estimate_in_image, estimate_with_error
 
     if not options.estimates:
         if options.image is not None:
-            raise InputError("--image picks an estimate: give --estimates NAME=FILE and --bop too")
-        offset = np.array(options.offset or 6 * [0.0])
-        if not np.isfinite(offset).all():
-            raise InputError(f"--offset takes six finite numbers, not {options.offset}")
-        return transform(rotation_from_vector(np.radians(offset[3:])), offset[:3] / 1000)
+            raise InputError("--image also needs --estimates NAME=FILE and --bop")
+        return estimate_with_error(options.offset or 6 * [0.0])
     if options.offset is not None:
-        raise InputError("--offset and --estimates both say what the estimate is; give one")
+        raise InputError("--offset and --estimates exclude each other; give one")
     if len(options.estimates) != 1 or options.image is None or not options.bop:
         raise InputError(
-            "to try an estimate of a results CSV, give --estimates once, --bop for its ground "
-            "truth, and --image SCENE/IMAGE"
+            "an estimate of a results CSV needs --estimates once, --bop for its ground truth, and "
+            "--image SCENE/IMAGE"
         )
-    return _read_estimate(options, entry)
-
-
-def _read_estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray, "4 4"]:
-    from graspcast.estimates.alignment import rows_in_image
-    from graspcast.estimates.loading import load_inputs
-    from graspcast.estimates.matching import match
-    from graspcast.pose.transforms import invert
-
     if entry.obj_id is None:
-        raise InputError(f"object {entry.name} is of no BOP dataset, so no results CSV is about it")
+        raise InputError(f"object {entry.name} is in no BOP dataset, so it has no results CSV")
     name = f"{entry.dataset}-{entry.obj_id}"
     inputs = load_inputs(
         options.estimates, bop=options.bop, ground_truth=options.ground_truth, objects=[name]
     )
     ((dataset, tables),) = inputs.results.items()
     (results,) = tables.values()
-    truth = inputs.datasets[dataset].ground_truth
-    scene_id, im_id = options.image
     if dataset != entry.dataset:
-        raise InputError(f"{results.source}: estimates of {dataset}, of which {name} is none")
-    rows = rows_in_image(results, scene_id, im_id, name)
-    if not 0 <= options.instance < len(rows):
-        raise InputError(
-            f"--instance {options.instance}: image {scene_id}/{im_id} has {len(rows)} of {name}, "
-            "counted from 0"
-        )
-    row = rows[options.instance]
-    matched = match(results, truth)[row]
-    if matched < 0:
-        raise InputError(
-            f"{truth.source}: no ground truth for {name} in image {scene_id}/{im_id}, instance "
-            f"{options.instance}"
-        )
-    pose: Any = invert(truth.cam_T_obj[matched]) @ results.cam_T_obj[row]
-    return pose
+        raise InputError(f"{results.source}: its estimates are of {dataset}, not of {name}")
+    truth = inputs.datasets[dataset].ground_truth
+    return estimate_in_image(results, truth, name, options.image, options.est_id)

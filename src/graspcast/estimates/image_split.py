@@ -1,11 +1,10 @@
-"""Parts of the images: what a grasp is fitted on, chosen on, and reported on.
+"""Split of the images into train, validation and test for the search of reference grasps.
 
-Frames are video, and estimators share them: a trial at random has near copies of itself a few
-frames away. So the annotated frames of a scene, in order, are cut into six contiguous blocks, as
-equal as can be (the earlier ones are longer by one where need be), and the blocks are dealt fit,
-choose, report, fit, choose, report. The part of a trial therefore depends on its dataset, scene
-and image alone: not on the estimator, the object, the gripper, a seed, or which other trials there
-are. Two blocks of a scene still touch where one ends and the next begins.
+The images are video frames, so images a few frames apart are nearly the same. The annotated frames
+of each scene, in order, are therefore cut into six contiguous blocks of equal size (the first ones
+are longer by one frame where the number is not divisible), and the blocks are assigned in turn:
+train, validation, test, train, validation, test. The split of a trial depends only on its dataset,
+scene and image. Neighbouring blocks still touch at their border.
 """
 
 from __future__ import annotations
@@ -20,19 +19,19 @@ from numpy import ndarray
 from graspcast.bop.dataset import GroundTruth
 from graspcast.errors import MismatchError
 
-__all__ = ["BLOCKS", "PARTS", "Frames", "Part", "frames_of", "part_of"]
+__all__ = ["BLOCKS", "SPLITS", "Frames", "Split", "frames_of", "split_of"]
 
-Part = Literal["fit", "choose", "report"]
-PARTS: tuple[Part, ...] = ("fit", "choose", "report")
+Split = Literal["train", "validation", "test"]
+SPLITS: tuple[Split, ...] = ("train", "validation", "test")
 BLOCKS = 6
-"""Contiguous blocks of a scene's frames, dealt in turn to the parts."""
+"""Number of contiguous blocks of frames in a scene."""
 
 Frames = Mapping[tuple[str, int], Int[ndarray, " f"]]
-"""Dataset and scene to its annotated frames, ascending."""
+"""Annotated frames, ascending, by dataset and scene."""
 
 
 def frames_of(truths: Mapping[str, GroundTruth]) -> dict[tuple[str, int], Int[ndarray, " f"]]:
-    """The annotated frames of every scene of some datasets."""
+    """Return the annotated frames of every scene, from the ground truth of each dataset."""
     out = {}
     for dataset, truth in truths.items():
         for scene in np.unique(truth.scene_id).tolist():
@@ -40,18 +39,18 @@ def frames_of(truths: Mapping[str, GroundTruth]) -> dict[tuple[str, int], Int[nd
     return out
 
 
-def part_of(
+def split_of(
     dataset: ndarray, scene_id: Int[ndarray, " n"], im_id: Int[ndarray, " n"], frames: Frames
 ) -> ndarray:
-    """The part of each trial, as text, (n,).
+    """Return the split (``train``, ``validation`` or ``test``) of each trial as text, (n,).
 
     Raises
     ------
     MismatchError
-        For an image that is not among the annotated frames of its scene.
+        If an image is not among the annotated frames of its scene.
     """
-    out = np.empty(len(im_id), dtype="U6")
-    names = np.array(PARTS)
+    names = np.array(SPLITS)
+    out = np.empty(len(im_id), dtype=names.dtype)
     for name, scene in set(zip(dataset.tolist(), scene_id.tolist(), strict=True)):
         rows = np.flatnonzero((dataset == name) & (scene_id == scene))
         known = frames.get((name, scene), np.empty(0, dtype=np.int64))
@@ -61,9 +60,10 @@ def part_of(
         if not found.all():
             raise MismatchError(
                 f"{name}, scene {scene}: image {im_id[rows][~found][0]} has no ground truth, so "
-                "it belongs to no part of the images"
+                "it belongs to no split",
+                parameters=("ground_truth",),
             )
         sizes = [len(block) for block in np.array_split(known, BLOCKS)]
         block = np.searchsorted(np.cumsum(sizes), place, side="right")
-        out[rows] = names[block % len(PARTS)]
+        out[rows] = names[block % len(SPLITS)]
     return out

@@ -57,6 +57,16 @@ class Inputs:
         tables = list(self.results.values())
         return tuple(name for name in tables[0] if all(name in table for table in tables))
 
+    @property
+    def objects(self) -> set[str]:
+        """Names of the objects with estimates, ``dataset-number``."""
+        return {
+            f"{dataset}-{number}"
+            for dataset, tables in self.results.items()
+            for table in tables.values()
+            for number in set(table.obj_id.tolist())
+        }
+
     def truth(self, estimates: Estimates, principal: str) -> Float[ndarray, "n 4 4"] | None:
         """``cam_T_obj`` of the instances; None, and a note of why, without ground truth."""
         try:

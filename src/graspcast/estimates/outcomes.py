@@ -34,6 +34,7 @@ __all__ = [
     "read_error_outcomes",
     "read_outcomes",
     "success_of_each",
+    "with_optional",
 ]
 
 TRIAL_SCHEMA: dict[str, Any] = {
@@ -89,7 +90,7 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
             path, f"no column {', '.join(map(repr, missing))}; found {', '.join(frame.columns)}"
         )
     states_est_id = "est_id" in frame.columns
-    frame = _with_optional(frame)
+    frame = with_optional(frame)
     for name, kind in kinds.items():
         column = frame[name]
         # A cast would cut the fraction off.
@@ -165,7 +166,7 @@ def join_outcomes(keys: pl.DataFrame, outcomes: pl.DataFrame) -> pl.DataFrame:
         one image, so that an outcome could be of any of them.
     """
     on = TRIAL_COLUMNS
-    tried = _with_optional(outcomes).select(*on, "success")
+    tried = with_optional(outcomes).select(*on, "success")
     unstated = tried.filter(pl.col("est_id").is_null())
     if len(unstated):
         several = keys.filter(pl.col("est_id") > 0).join(
@@ -264,7 +265,7 @@ def read_error_outcomes(
     return table, transform(rotation_from_vector(numbers[:, 3:]), numbers[:, :3])
 
 
-def _with_optional(frame: pl.DataFrame) -> pl.DataFrame:
+def with_optional(frame: pl.DataFrame) -> pl.DataFrame:
     """Add the optional columns where they are missing: no stated est_id, the reference grasp."""
     added = {"est_id": pl.lit(None, pl.Int64), "grasp": pl.lit(REFERENCE_GRASP)}
     return frame.with_columns(**{k: v for k, v in added.items() if k not in frame.columns})

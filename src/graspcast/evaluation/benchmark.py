@@ -1,4 +1,4 @@
-"""What methods are compared on: estimates, outcomes, ground truth, and one's own trials."""
+"""The benchmark data: estimates, outcomes, ground truth, and optionally simulated trials."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.alignment import Estimates
-from graspcast.estimates.image_split import frames_of, part_of
+from graspcast.estimates.image_split import frames_of, split_of
 from graspcast.estimates.instances import scene_groups
 from graspcast.estimates.matching import true_poses
-from graspcast.forecasting.samples import Samples, join
-from graspcast.forecasting.training_data import SimulatedTrials
+from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
 from graspcast.paper.dataset import Published
 
 __all__ = ["Benchmark"]
@@ -30,7 +29,7 @@ _KEYS = ("dataset", "scene_id", "im_id", "obj_id", "est_id")
 
 @dataclass(frozen=True, eq=False)
 class Benchmark:
-    """The data that every method learns from and is judged on; rows are instances.
+    """The data on which every method is trained and tested; rows are instances.
 
     Attributes
     ----------
@@ -45,12 +44,13 @@ class Benchmark:
     models
         Dataset's name to its object models.
     reported
-        Which instances are of images that no reference grasp was fitted or chosen on, (n,): where a
-        simulation takes part, only these are judged.
+        Which instances are of test images (:mod:`graspcast.estimates.image_split`), on which no
+        reference grasp was fitted or chosen, (n,). Protocols that involve simulation test on these
+        alone.
     simulated
         Outcomes of one's own campaign, if there is one.
-    borrowed
-        Gripper's name to trials of each object by errors that were made on others.
+    transferred
+        Gripper's name to simulated trials of each object by errors transferred from others.
     """
 
     estimates: Estimates
@@ -61,7 +61,7 @@ class Benchmark:
     reported: Bool[ndarray, " n"]
     simulated: pl.DataFrame | None = None
     transferred: Mapping[str, SimulatedTrials] = field(default_factory=dict)
-    _joined: dict[tuple[str, str, bool], Samples] = field(default_factory=dict, repr=False)
+    _joined: dict[tuple[str, str, bool], TrainingData] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(
@@ -70,10 +70,10 @@ class Benchmark:
         simulated: pl.DataFrame | None = None,
         transferred: Mapping[str, SimulatedTrials] | None = None,
     ) -> Benchmark:
-        """The published data, perhaps with one's own trials."""
+        """Build the benchmark from the published data, and optionally one's own trials."""
         estimates = data.estimates
         frames = frames_of({name: dataset.ground_truth for name, dataset in data.bop.items()})
-        part = part_of(estimates.dataset, estimates.scene_id, estimates.im_id, frames)
+        split = split_of(estimates.dataset, estimates.scene_id, estimates.im_id, frames)
         return cls(
             estimates=estimates,
             truth=_true_poses(estimates, data.bop),
@@ -81,7 +81,7 @@ class Benchmark:
             outcomes=data.outcomes,
             split=data.split,
             models=data.models,
-            reported=part == "report",
+            reported=split == "test",
             simulated=simulated,
         )
 
@@ -90,7 +90,7 @@ class Benchmark:
 
     @cached_property
     def scenes(self) -> ndarray:
-        """The scene, or block of frames, of each instance, (n,)."""
+        """Scene, or block of frames, of each instance, (n,)."""
         return scene_groups(self.estimates.instances)
 
     @cached_property
@@ -98,32 +98,33 @@ class Benchmark:
         return {key: row for row, key in enumerate(self.estimates.instances.to_keys())}
 
     def rows_of(self, estimates: Estimates) -> Int[ndarray, " m"]:
-        """The rows of some of its instances."""
+        """Find the rows of some of its instances."""
         return np.array([self._row[key] for key in estimates.instances.to_keys()], dtype=np.int64)
 
     def pairs(self, *, simulated: bool = False) -> list[tuple[str, str]]:
-        """The principals and grippers that there are outcomes of, in the estimators' order."""
+        """List the principals and grippers with outcomes, in the estimators' order."""
         table = self._table(simulated)
         found = set(table.select("estimator", "gripper").unique().rows())
         grippers = sorted({gripper for _, gripper in found})
         return [(e, g) for e in self.estimates.estimators for g in grippers if (e, g) in found]
 
-    def samples(
+    def tried(
         self, principal: str, gripper: str, rows: Bool[ndarray, " n"], *, simulated: bool = False
-    ) -> Samples:
-        """The tried instances among some rows."""
+    ) -> TrainingData:
+        """Select the tried instances among some rows, without their ground truth."""
         key = (principal, gripper, simulated)
         if key not in self._joined:
-            self._joined[key] = join(self.estimates, self._table(simulated), principal, gripper)
+            table = self._table(simulated)
+            self._joined[key] = TrainingData.join(self.estimates, table, principal, gripper).tried()
         whole = self._joined[key]
         return whole.select(rows[self.rows_of(whole.estimates)])
 
     def with_simulated_outcomes(self) -> Benchmark:
-        """The same, the campaign's outcomes standing in for the published ones."""
+        """Replace the published outcomes by those of the campaign."""
         return replace(self, outcomes=self._table(True), _joined={})
 
     def digest(self, *, own_trials: bool) -> str:
-        """SHA-256 of everything that a prediction can depend on; with one's own trials or not."""
+        """Return the SHA-256 of all that a prediction depends on, with one's own trials or not."""
         out = hashlib.sha256()
         for name in _KEYS:
             out.update(",".join(map(str, getattr(self.estimates, name))).encode())
@@ -148,14 +149,15 @@ class Benchmark:
             return self.outcomes
         if self.simulated is None:
             raise InputError(
-                "this needs outcomes of your own simulated trials: run 'graspcast simulate' and "
-                "give its directory with --outcomes"
+                "outcomes of your own simulated trials are needed: run a campaign, and give its "
+                "directory",
+                parameters=("outcomes",),
             )
         return self.simulated
 
 
 def _true_poses(estimates: Estimates, datasets: Mapping[str, BopDataset]) -> ndarray:
-    """The true pose of each instance."""
+    """Return the true pose of each instance."""
     out = true_poses(estimates, estimates.estimators[0], datasets)
     lacking = np.flatnonzero(np.isnan(out[:, 0, 0]))
     if len(lacking):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,13 +9,12 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from graspcast._version import __version__
 from graspcast.bop.models import Models
 from graspcast.errors import MismatchError
 from graspcast.estimates.instances import UnitKind, unit_names
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.model_card import ModelCard
-from graspcast.forecasting.samples import Samples
+from graspcast.forecasting.training_data import TrainingData
 from graspcast.forecasting.verdict import OOD_ALPHA
 from graspcast.guarantees.certificate import Certificate
 from graspcast.guarantees.certify import certify
@@ -26,13 +24,14 @@ from graspcast.guarantees.threshold_sequence import (
     split_sequence,
 )
 from graspcast.guarantees.unit_draws import Weight
+from graspcast.io.provenance import versions
 
 __all__ = ["certify_forecaster"]
 
 
 def certify_forecaster(
     forecaster: Forecaster,
-    samples: Samples,
+    data: TrainingData,
     *,
     rate: float = 0.9,
     confidence: float = 0.9,
@@ -53,8 +52,9 @@ def certify_forecaster(
     ----------
     forecaster
         Whose forecasts are certified.
-    samples
-        Calibration data: instances with outcomes, of scenes that were not used in training.
+    data
+        Calibration data: instances of scenes that were not used in training, of the forecaster's
+        principal and gripper. Those without an outcome are left out.
     rate, confidence, weight, simultaneous, other_guarantees, seed
         As for :func:`graspcast.certify`.
     unit
@@ -88,20 +88,21 @@ def certify_forecaster(
         As :func:`graspcast.certify`, or if ``sequence_share`` leaves no units on one side.
     """
     card = forecaster.card
-    instances = samples.estimates.instances
-    training_scenes = _training_scenes(card, samples, allow_training_scenes)
-    probability = forecaster.probability(samples.estimates, models)
-    probability[forecaster.p_value(samples.estimates) <= ood_alpha] = 0.0
-    units = unit_names(instances, unit)
+    data = data.tried()
+    success = data.own_success == 1
+    training_scenes = _training_scenes(card, data, allow_training_scenes)
+    probability = forecaster.probability(data.estimates, models)
+    probability[forecaster.p_value(data.estimates) <= ood_alpha] = 0.0
+    units = unit_names(data.estimates.instances, unit)
     target: dict[str, Any] = {"rate": rate, "confidence": confidence, "weight": weight}
     sequence, kept = _sequence(
-        forecaster, probability, samples.success, units, unit, sequence_share, seed, target
+        forecaster, probability, success, units, unit, sequence_share, seed, target
     )
     return certify(
         probability[kept],
-        samples.success[kept],
+        success[kept],
         units[kept],
-        objects=samples.objects[kept] if per_object else None,
+        objects=data.objects[kept] if per_object else None,
         sequence=sequence,
         simultaneous=simultaneous,
         other_guarantees=other_guarantees,
@@ -113,21 +114,17 @@ def certify_forecaster(
             "gripper": card.gripper,
             "unit": unit,
             "training_scenes": training_scenes,
-            "versions": {
-                "graspcast": __version__,
-                "python": platform.python_version(),
-                "numpy": np.__version__,
-            },
+            "versions": versions(),
         },
         **target,
     )
 
 
-def _training_scenes(card: ModelCard, samples: Samples, allowed: bool) -> int | None:
+def _training_scenes(card: ModelCard, data: TrainingData, allowed: bool) -> int | None:
     """Return how many of the scenes the model was trained on; None if it does not state any."""
     if not card.scenes:
         return None
-    scenes = set(unit_names(samples.estimates.instances, "scene").tolist())
+    scenes = set(unit_names(data.estimates.instances, "scene").tolist())
     seen = sorted(scenes.intersection(card.scenes))
     if seen and not allowed:
         some = ", ".join(seen[:5]) + (", ..." if len(seen) > 5 else "")

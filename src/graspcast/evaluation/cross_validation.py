@@ -1,8 +1,7 @@
-"""TODO."""
+"""Cross-validation of forecasters on scenes, or on objects, that are not in training."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
@@ -11,87 +10,82 @@ from numpy import ndarray
 
 from graspcast.estimates.instances import scene_groups
 from graspcast.evaluation.scores import Scores, score
-from graspcast.forecasting.samples import Samples
-from graspcast.forecasting.splits import by_object, by_scene
+from graspcast.forecasting.splits import by_group, by_object
 from graspcast.forecasting.train import train_forecaster
-from graspcast.forecasting.training_data import TrainingData, as_training_data
+from graspcast.forecasting.training_data import TrainingData
+from graspcast.io.progress import Progress, step_of
 
 __all__ = ["cross_validate", "cross_validated"]
 
 
 def cross_validated(
-    given: Samples | TrainingData,
+    training_data: TrainingData,
     *,
     by: Literal["scene", "object"] = "scene",
     folds: int = 5,
     seed: int = 0,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
     **options: Any,
 ) -> Float[ndarray, "n"]:
-    """The probability of every sample by a forecaster that saw nothing of its scene, or object.
+    """Forecast each tried instance by a forecaster trained without its scene, or object.
 
     Parameters
     ----------
-    given
+    training_data
         Instances with outcomes, as for :func:`train_forecaster`.
     by
-        Deal out the scenes (or blocks of frames), or leave out each object in turn.
+        ``scene`` for folds of scenes (or blocks of frames), ``object`` to leave out each object in
+        turn.
     folds
-        How many parts the scenes are dealt into.
+        Number of folds of scenes.
     seed
-        Of the dealing.
+        Of the assignment of scenes to folds.
     progress
-        Called with the share of the work that is done.
+        Called with the share of the work that is done and a message.
     options
         Those of :func:`train_forecaster`.
 
     Returns
     -------
-        In the order of the samples; NaN where, by scene, training had nothing of the object.
+        Out-of-fold probabilities of ``training_data.tried()``, in its order; NaN where, by scene,
+        the object was not in training.
     """
-    learned = as_training_data(given)
-    samples = learned.samples
-    probability = np.full(len(samples), np.nan)
-    tried = ~np.isnan(learned.success[learned.estimates.index(learned.principal)])
-    # Of the lessons, what shares a scene (or the object) with the judged is kept from training.
-    # Blocks of frames are those of the lessons: cut among the samples alone, they would lie
-    # elsewhere.
+    tried = training_data.tried()
+    # Groups are those of all instances, tried or not: an untried one in the test fold's scenes is
+    # left out of training too.
     if by == "scene":
-        every = scene_groups(learned.estimates.instances)
-        parts = list(by_scene(samples, folds=folds, seed=seed, groups=every[tried]))
+        groups = scene_groups(training_data.estimates.instances)
+        own = groups[training_data.is_tried]
+        parts = list(by_group(own, tried.objects, tried.own_success == 1, folds=folds, seed=seed))
     else:
-        every = learned.estimates.objects
-        parts = [fold for _, fold in by_object(samples)]
-    mine = every[tried]
+        groups, own = training_data.objects, tried.objects
+        parts = list(by_object(own))
+    probability = np.full(len(tried), np.nan)
     for i, (_, test) in enumerate(parts):
-
-        def step(share: float, i: int = i) -> None:
-            if progress is not None:
-                progress((i + share) / len(parts))
-
-        kept = learned.select(~np.isin(every, mine[test]))
-        forecaster = train_forecaster(kept, progress=step, **options)
+        train = training_data.select(~np.isin(groups, own[test]))
+        step = step_of(progress, i, len(parts), f"fold {i + 1} of {len(parts)}")
+        forecaster = train_forecaster(train, progress=step, **options)
         if by == "scene":
-            test = test[np.isin(samples.objects[test], forecaster.card.objects)]
+            test = test[np.isin(tried.objects[test], forecaster.card.objects)]
         if not len(test):
             continue
         probability[test] = forecaster.probability(
-            samples.estimates.select(test), options.get("models"), unseen_objects=by == "object"
+            tried.estimates.select(test), options.get("models"), unseen_objects=by == "object"
         )
     return probability
 
 
-def cross_validate(given: Samples | TrainingData, **options: Any) -> Scores:
-    """Scores on scenes (or blocks of frames), or on objects, that training has not seen.
+def cross_validate(training_data: TrainingData, **options: Any) -> Scores:
+    """Score a method on scenes (or blocks of frames), or on objects, that are not in training.
 
     Parameters
     ----------
-    given
+    training_data
         Instances with outcomes, as for :func:`train_forecaster`.
     options
         Those of :func:`cross_validated`.
     """
-    samples = as_training_data(given).samples
-    probability = cross_validated(given, **options)
+    tried = training_data.tried()
+    probability = cross_validated(training_data, **options)
     scored = ~np.isnan(probability)
-    return score(probability[scored], samples.success[scored], samples.objects[scored])
+    return score(probability[scored], tried.own_success[scored] == 1, tried.objects[scored])

@@ -7,7 +7,7 @@ was chosen before the data were seen; the other measures are given beside it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -33,6 +33,7 @@ from graspcast.evaluation.principal_forecasts import (
 )
 from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.training_data import TrainingData
+from graspcast.io.progress import Progress
 
 __all__ = ["Comparison", "SupporterComparison", "compare"]
 
@@ -142,7 +143,7 @@ def compare(
     folds: int = 5,
     seed: int = 0,
     bootstrap: int = 1000,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Comparison:
     """Compare principals, and sets of supporters of each.
 

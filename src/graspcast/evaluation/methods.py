@@ -1,8 +1,8 @@
-"""The methods that ``graspcast evaluate`` compares, by name.
+"""The methods that an evaluation compares, by name.
 
-A method is a callable that answers a :class:`~graspcast.evaluation.protocols.Task`; as a frozen
-dataclass its ``repr`` states its settings, which reports record. To add one, put a factory that
-takes a seed into :data:`METHODS`.
+A method is a callable that forecasts a :class:`~graspcast.evaluation.protocols.Task`; as a frozen
+dataclass its ``repr`` states its settings, which reports record. To add one, add a factory
+that takes a seed to :data:`METHODS`.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ __all__ = ["METHODS", "ExtraTrees", "Majority", "PaperNetworks", "Threshold", "s
 
 
 def success_rates(task: Task) -> Float[ndarray, " n"]:
-    """Each object's success rate in training; of an unknown object, that of all.
+    """Return each object's success rate in training; of an unknown object, that of all.
 
-    With one success and one failure added (Laplace).
+    One success and one failure are added to each (Laplace smoothing).
     """
 
     def rate(success: ndarray) -> float:
         return float((success.sum() + 1) / (len(success) + 2))
 
-    objects, success = task.train.objects, task.train.success
+    objects, success = task.train.objects, task.train.own_success
     every = rate(success)
     known = {str(name): rate(success[objects == name]) for name in np.unique(objects)}
     return np.array([known.get(str(name), every) for name in task.test.objects])
@@ -43,12 +43,12 @@ def success_rates(task: Task) -> Float[ndarray, " n"]:
 
 @dataclass(frozen=True)
 class Majority:
-    """Success rate of the object in training (of all, for an unknown object); sees no estimate."""
+    """Success rate of the object in training (of all, for an unknown object)."""
 
     seed: int = 0
 
     def __call__(self, task: Task) -> Float[ndarray, " n"]:
-        """Answer a task."""
+        """Forecast the test instances of a task."""
         return success_rates(task)
 
 
@@ -59,7 +59,7 @@ class Threshold:
     seed: int = 0
 
     def __call__(self, task: Task) -> Float[ndarray, " n"]:
-        """Answer a task."""
+        """Forecast the test instances of a task."""
         forecaster = train_forecaster(task.train, method="threshold", models=task.models)
         return forecaster.probability(task.test, task.models, unseen_objects=True)
 
@@ -68,7 +68,7 @@ class Threshold:
 class PaperNetworks:
     """The paper's networks and features after the last epoch, the mean of several seeds.
 
-    Without pooling, an object that has no network gets the success rate of all others.
+    Without pooling, the forecast of an object without a network is the success rate of all others.
     """
 
     pools_objects: bool
@@ -77,7 +77,7 @@ class PaperNetworks:
     seed: int = 0
 
     def __call__(self, task: Task) -> Float[ndarray, " n"]:
-        """Answer a task."""
+        """Forecast the test instances of a task."""
         from graspcast.forecasting.models.mlp.types import MlpSettings
 
         out = success_rates(task)
@@ -105,7 +105,7 @@ class ExtraTrees:
     seed: int = 0
 
     def __call__(self, task: Task) -> Float[ndarray, " n"]:
-        """Answer a task."""
+        """Forecast the test instances of a task."""
         from sklearn.ensemble import ExtraTreesClassifier
 
         forest = ExtraTreesClassifier(
@@ -121,12 +121,12 @@ class ExtraTrees:
             values = consensus_features(
                 estimates, task.principal, which="rich", models=task.models
             ).values
-            # An unknown object is none of the known ones: a row of zeros.
+            # The one-hot row of an unknown object is zero.
             names, seen = estimates.objects, np.isin(estimates.objects, known)
             which = np.zeros((len(names), len(known)))
             which[seen] = one_hot(names[seen].tolist(), known, "object")
             table.append(np.concatenate([values, which], axis=1))
-        forest.fit(table[0], task.train.success)
+        forest.fit(table[0], task.train.own_success == 1)
         probability = forest.predict_proba(table[1])
         succeeds = np.flatnonzero(forest.classes_)
         return probability[:, succeeds[0]] if len(succeeds) else np.zeros(len(test))
@@ -134,33 +134,33 @@ class ExtraTrees:
 
 @dataclass(frozen=True)
 class Forests:
-    """Forests, in the way that ``method`` names."""
+    """The forecaster made of forests that ``method`` names."""
 
     method: str
     simulates: ClassVar[bool] = True
-    """Whether it learns from one's own trials, so that what it is kept as depends on them."""
+    """Whether it is trained on one's own trials, so that saved forecasts depend on them."""
     trees: int = 128
     draws: int = 128
     folds: int = 4
     seed: int = 0
 
     def __call__(self, task: Task) -> Float[ndarray, " n"]:
-        """Answer a task."""
+        """Forecast the test instances of a task."""
         settings = ForestSettings(
             trees=self.trees, draws=self.draws, folds=self.folds, seed=self.seed
         )
-        learned = training_data_of(task)
-        if self.method == "direct" and np.isnan(learned.success).all():
-            # It knows no simulation, so it passes on what the other gripper's outcomes taught.
-            learned = training_data_of(task, any_gripper=True)
-        elif np.isnan(learned.success).all() and learned.simulated is None:
+        data = training_data_of(task)
+        if self.method == "direct" and np.isnan(data.success).all():
+            # It cannot use simulated trials, so it uses the outcomes of the other gripper.
+            data = training_data_of(task, any_gripper=True)
+        elif np.isnan(data.success).all() and data.simulated is None:
             return success_rates(task)
         method = self.method
-        if method == "blend" and learned.simulated is not None and task.left_out is not None:
-            # Of what is left out the direct forest knows nothing, so that the blend's answer is
-            # that of two stages: no need to grow it.
+        if method == "blend" and data.simulated is not None and task.left_out is not None:
+            # The direct forest has no outcomes of what is left out, so the blend equals the
+            # two-stage model, which is faster to train.
             method = "two-stage"
-        forecaster = train_forecaster(learned, method=method, forests=settings, models=task.models)
+        forecaster = train_forecaster(data, method=method, forests=settings, models=task.models)
         out = success_rates(task)
         asked = np.isin(task.test.objects, forecaster.card.objects) | (method != "two-stage")
         if asked.any():
@@ -179,28 +179,28 @@ class Direct(Forests):
 
 @dataclass(frozen=True)
 class TwoStage(Forests):
-    """Where the error may lie, and which errors the grasp forgives; calibrated."""
+    """The two-stage model: pose error distribution, then success given error; calibrated."""
 
     method: str = "two-stage"
 
 
 @dataclass(frozen=True)
 class Blended(Forests):
-    """The default: the average of direct forest and two stages, calibrated."""
+    """The default: the average of direct forest and two-stage model, calibrated."""
 
     method: str = "blend"
 
 
 def training_data_of(task: Task, *, any_gripper: bool = False) -> TrainingData:
-    """All that a task gives to learn from."""
+    """Collect a task's training data: all annotated instances, with all known outcomes."""
     estimates = task.annotated
     row = {key: i for i, key in enumerate(estimates.instances.to_keys())}
     success = np.full((len(estimates.estimators), len(estimates)), np.nan)
-    for samples in (task.train, *task.others):
-        if samples.gripper != task.gripper and not any_gripper:
+    for tried in (task.train, *task.others):
+        if tried.gripper != task.gripper and not any_gripper:
             continue
-        rows = [row[key] for key in samples.estimates.instances.to_keys()]
-        success[estimates.index(samples.principal), rows] = samples.success
+        rows = [row[key] for key in tried.estimates.instances.to_keys()]
+        success[estimates.index(tried.principal), rows] = tried.own_success
     return TrainingData(
         estimates, task.principal, task.gripper, task.truth, success, simulated=task.transferred
     )

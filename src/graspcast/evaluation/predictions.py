@@ -1,4 +1,4 @@
-"""A method's predictions under one protocol, beside what came of the grasps."""
+"""Forecasts of a method under a protocol, with the outcomes of the grasps."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ __all__ = ["Forecasts"]
 
 @dataclass(frozen=True, eq=False)
 class Forecasts:
-    """Predictions for one principal and gripper.
+    """Forecasts for one principal and gripper, with outcomes.
 
     Attributes
     ----------
     protocol
-        What was kept from training (:data:`graspcast.evaluation.protocols.PROTOCOLS`).
+        What was left out of training (:data:`graspcast.evaluation.protocols.PROTOCOLS`).
     method
         Name of the method.
     principal, gripper
-        Whose grasps these are.
+        Estimator that guided the grasps, and gripper.
     probability
-        Predicted, from 0 to 1, (n,).
+        Forecast probability of success, (n,).
     success
         Outcomes, (n,).
     objects
         ``dataset-number`` of each, (n,).
     scenes
-        Each one's scene or block of frames, as :func:`graspcast.estimates.instances.scene_groups`
-        names them, (n,).
+        Scene or block of frames of each, named by
+        :func:`graspcast.estimates.instances.scene_groups`, (n,).
 
     Raises
     ------
     MismatchError
         If the columns differ in length.
     InputError
-        If there is no row, or what is given as a probability is none.
+        If there is no row, or a value is not a probability.
     """
 
     protocol: str
@@ -80,7 +80,7 @@ class Forecasts:
         return len(self.success)
 
     def select(self, rows: Int[ndarray, " m"]) -> Forecasts:
-        """Some of the predictions, in the order of the rows.
+        """Select forecasts, in the order of the rows.
 
         Raises
         ------
@@ -91,7 +91,7 @@ class Forecasts:
         return replace(self, **{name: getattr(self, name)[rows] for name in columns})
 
     def save(self, path: str | PathLike[str], configuration: str) -> None:
-        """Write it as npz, whole or not at all, with what it was computed from."""
+        """Write an npz file atomically, with the configuration that the forecasts come from."""
         stream = io.BytesIO()
         arrays: dict[str, Any] = dict(self.__dict__)
         np.savez_compressed(stream, configuration=np.array(configuration), **arrays)
@@ -100,12 +100,12 @@ class Forecasts:
 
     @classmethod
     def load(cls, path: str | PathLike[str], configuration: str) -> Forecasts | None:
-        """Read what :meth:`save` wrote; None if there is none of this configuration.
+        """Read a file of :meth:`save`; None if there is none of this configuration.
 
         Raises
         ------
         FormatError
-            If the file is something else.
+            If the file is not one of forecasts.
         """
         path = Path(path)
         if not path.exists():
@@ -121,5 +121,5 @@ class Forecasts:
             return cls(**named, **{c: content[c] for c in columns})
         except Exception as error:  # those of zipfile, zlib and NumPy have no common base
             raise FormatError(
-                path, f"is not a whole file of predictions ({error}); delete it and start again"
+                path, f"is not a complete file of forecasts ({error}); delete it and start again"
             ) from error

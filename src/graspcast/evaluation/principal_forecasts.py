@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,13 +11,13 @@ import polars as pl
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from graspcast.errors import InputError, MismatchError, UnknownNameError
+from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.instances import scene_groups
 from graspcast.estimates.loading import Inputs
 from graspcast.evaluation.cross_validation import cross_validated
 from graspcast.evaluation.predictions import Forecasts
 from graspcast.forecasting.training_data import TrainingData
-from graspcast.forecasting.training_data import training_data as training_data_of
+from graspcast.io.progress import Progress, step_of
 
 __all__ = [
     "PrincipalForecasts",
@@ -48,23 +48,17 @@ def principal_training_data(
     MismatchError
         If no instance has an outcome with it.
     """
-    grippers = outcomes["gripper"].unique().sort().to_list()
-    if gripper not in grippers:
-        raise UnknownNameError(
-            "gripper", gripper, grippers, hint="These have outcomes", parameters=("gripper",)
-        )
     names = inputs.estimators
     out = []
     for name in names:
         estimates = inputs.estimates(name)
         truth = inputs.truth(estimates, name)
-        data = training_data_of(estimates, outcomes, name, gripper, truth=truth)
         try:
-            untried = data.samples.untried
+            data = TrainingData.join(estimates, outcomes, name, gripper, truth=truth)
         except MismatchError as error:
             inputs.notes.append(f"{error}: it is only a supporter")
             continue
-        if untried:
+        if untried := int((~data.is_tried).sum()):
             inputs.notes.append(f"{untried} instances have no outcome of {name}")
         out.append(data)
     if not out:
@@ -120,8 +114,7 @@ class PrincipalForecasts:
             If there is no forecast.
         """
         estimates = data.estimates
-        success = data.success[estimates.index(data.principal)]
-        tried = np.flatnonzero(~np.isnan(success))
+        tried = np.flatnonzero(data.is_tried)
         forecast = ~np.isnan(np.stack(list(probability.values()))).any(axis=0)
         if not forecast.any():
             raise InputError(
@@ -139,7 +132,7 @@ class PrincipalForecasts:
                 principal=data.principal,
                 gripper=data.gripper,
                 probability=found[forecast],
-                success=success[rows] == 1,
+                success=data.own_success[rows] == 1,
                 objects=estimates.objects[rows],
                 scenes=scene_groups(estimates.instances)[rows],
             )
@@ -162,7 +155,7 @@ class PrincipalForecasts:
 def forecast_principals(
     training_data: Sequence[TrainingData],
     *,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
     **options: Any,
 ) -> list[PrincipalForecasts]:
     """Cross-validate each principal with all supporters, without each, and with each alone.
@@ -189,11 +182,7 @@ def forecast_principals(
         probability = {}
         for supporters in wanted:
             message = f"{data.principal} with {', '.join(supporters)}"
-
-            def step(share: float, _: str = "", before: int = done, message: str = message) -> None:
-                if progress is not None:
-                    progress((before + share) / total, message)
-
+            step = step_of(progress, done, total, message)
             kept = [
                 name
                 for name in data.estimates.estimators

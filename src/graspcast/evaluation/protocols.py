@@ -1,13 +1,13 @@
-"""What is kept from training: four protocols, each a list of tasks for a method.
+"""Evaluation protocols: what a method may be trained on, and what it is tested on.
 
-A method sees a :class:`Task`: what it may learn from, and the estimates that it is asked about.
-The outcomes that it is judged by are not in it, nor is the ground truth of what it is judged on.
+A protocol is a list of tasks. A method sees a :class:`Task`: its training data and the estimates to
+forecast. The task holds neither the outcomes nor the ground truth of the test instances.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -19,9 +19,9 @@ from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
 from graspcast.evaluation.benchmark import Benchmark
 from graspcast.evaluation.predictions import Forecasts
-from graspcast.forecasting.samples import Samples
-from graspcast.forecasting.splits import by_scene
-from graspcast.forecasting.training_data import SimulatedTrials
+from graspcast.forecasting.splits import by_group
+from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+from graspcast.io.progress import Progress, step_of
 from graspcast.paper.published_split import published_part
 
 __all__ = ["PROTOCOLS", "Method", "Task", "forecast", "tasks"]
@@ -31,59 +31,59 @@ FOLDS = 5
 PROTOCOLS: Mapping[str, str] = {
     "random_split": (
         "The split published with the paper, for each principal and gripper: a random fifth of the "
-        "instances is judged. Frames are video, so nearly every judged frame has a neighbour in "
-        "training; this says nothing about a new scene."
+        "instances is for testing. Frames are video, so nearly every test frame has a neighbour in "
+        "training; scores say nothing about a new scene."
     ),
     "unseen_scenes": (
-        "Cross-validation in five parts of whole scenes (LM-O's only scene in five blocks of "
-        "frames): every instance is judged once, by a model that saw no frame of its scene."
+        "Cross-validation in five folds of whole scenes (LM-O's only scene in five blocks of "
+        "frames): every instance is tested once, by a model trained without its scene."
     ),
     "unseen_object": (
-        "Each object left out in turn: no outcome and no ground truth of it, only its mesh and, "
-        "for methods that use one, one's own simulation. Judged on the images that no reference "
-        "grasp was fitted or chosen on."
+        "Each object left out in turn: training has no outcome and no ground truth of it, only its "
+        "mesh and, for methods that use it, one's own simulation. Tested on the images on which no "
+        "reference grasp was fitted or chosen."
     ),
     "unseen_gripper": (
-        "No published outcome of the gripper: a method learns from the other gripper's, or from "
-        "one's own simulation of this one. Scenes are kept apart as in unseen_scenes; judged on "
-        "the images that no reference grasp was fitted or chosen on."
+        "Training has no published outcome of the gripper, only those of the other gripper, or "
+        "one's own simulation of this one. Folds of scenes as in unseen_scenes; tested on the "
+        "images on which no reference grasp was fitted or chosen."
     ),
     "unseen_object_simulated": (
-        "As unseen_object, but one's own campaign's outcomes are both what is learned from and "
-        "what is judged by: grasp, mass and friction are then known exactly, as for an object of "
-        "one's own."
+        "As unseen_object, but the outcomes for training and testing are those of one's own "
+        "campaign: grasp, mass and friction are then known exactly, as for an object of one's own."
     ),
 }
-"""Each protocol's name and what it means."""
+"""Each protocol's name and description."""
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What a method may know, and what it is asked.
+    """Training data and test estimates of one fold of a protocol.
 
     Attributes
     ----------
     protocol
         The name of the protocol.
     principal, gripper
-        Whose grasps are asked about.
+        Estimator that guides the test grasps, and gripper.
     train
-        The principal's outcomes to learn from; by the other gripper in ``unseen_gripper``.
+        Tried training instances with the principal's outcomes; in ``unseen_gripper`` those of the
+        other gripper.
     others
-        The same instances' outcomes, as far as known, with the other estimators as principals.
+        The same with each other estimator as principal.
     simulated
-        Outcomes of one's own trials with :attr:`gripper` on instances that are not judged: this
-        principal's first. Empty without a campaign.
-    borrowed
-        Trials with :attr:`gripper` of every object, by errors that estimators made on other
+        Outcomes of one's own trials with :attr:`gripper` on instances that are not tested, with
+        this principal first. Empty without a campaign.
+    transferred
+        Simulated trials with :attr:`gripper` of every object, by errors transferred from other
         objects; None if there are none.
     annotated
-        Instances whose ground truth may be learned from: in ``unseen_object`` none of that object,
-        else all that are kept apart from the judged ones.
+        Instances whose ground truth may be used: in ``unseen_object`` none of that object, else all
+        that are not for testing.
     truth
         Their true poses ``cam_T_obj``, metres, (m, 4, 4).
     test
-        The estimates of the instances that are asked about.
+        Estimates of the instances to forecast.
     models
         Dataset's name to its object models.
     left_out
@@ -95,9 +95,9 @@ class Task:
     protocol: str
     principal: str
     gripper: str
-    train: Samples
-    others: tuple[Samples, ...]
-    simulated: tuple[Samples, ...]
+    train: TrainingData
+    others: tuple[TrainingData, ...]
+    simulated: tuple[TrainingData, ...]
     transferred: SimulatedTrials | None
     annotated: Estimates
     truth: Float[ndarray, "m 4 4"]
@@ -108,12 +108,12 @@ class Task:
     _look_up: Callable[[Estimates], Float[ndarray, "k 4 4"]]
 
     def truth_of(self, estimates: Estimates) -> Float[ndarray, "k 4 4"]:
-        """True poses of instances that have outcomes here, simulated ones too.
+        """Look up true poses of training instances, also of those in :attr:`simulated`.
 
         Raises
         ------
         MismatchError
-            For an instance that is kept for judging.
+            For a test instance.
         """
         return self._look_up(estimates)
 
@@ -128,58 +128,72 @@ class Method(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class _Cut:
-    """Rows of the benchmark: learned from, judged, with known truth, and open to no one."""
+class _Fold:
+    """Rows of the benchmark, each a mask, (n,).
+
+    Attributes
+    ----------
+    train
+        Rows whose outcomes are for training.
+    test
+        Rows to forecast.
+    annotated
+        Rows whose ground truth may be used with :attr:`Task.annotated`.
+    held_out
+        Rows whose ground truth, and outcomes of one's own campaign, may not be used.
+    gripper
+        Gripper of the outcomes for training.
+    left_out
+        The object or gripper that is left out, if there is one.
+    """
 
     train: Bool[ndarray, " n"]
-    judged: Bool[ndarray, " n"]
+    test: Bool[ndarray, " n"]
     annotated: Bool[ndarray, " n"]
-    closed: Bool[ndarray, " n"]
-    learned_gripper: str
+    held_out: Bool[ndarray, " n"]
+    gripper: str
     left_out: str | None = None
 
 
 def _scene_folds(benchmark: Benchmark, seed: int) -> Iterator[Bool[ndarray, " n"]]:
-    """The rows of each part of the scenes; no outcome has a say in how they are dealt."""
-    n = len(benchmark)
-    blank = Samples(benchmark.estimates, "", "", np.zeros(n, dtype=bool))
-    for _, test in by_scene(blank, folds=FOLDS, seed=seed):
-        mask = np.zeros(n, dtype=bool)
-        mask[test] = True
-        yield mask
+    """Yield the test rows of each fold of scenes, which does not depend on outcomes."""
+    objects = benchmark.estimates.objects
+    for _, test in by_group(benchmark.scenes, objects, folds=FOLDS, seed=seed):
+        yield np.isin(np.arange(len(benchmark)), test)
 
 
-def _random_split(benchmark: Benchmark, principal: str, gripper: str) -> Iterator[_Cut]:
-    every = Samples(benchmark.estimates, principal, gripper, np.zeros(len(benchmark), dtype=bool))
-    part = published_part(every, benchmark.split)
-    test = part == "test"
-    yield _Cut(part == "train", test, ~test, test, gripper)
-
-
-def _cuts(
-    benchmark: Benchmark, protocol: str, principal: str, gripper: str, rows: ndarray, seed: int
-) -> Iterator[_Cut]:
+def _folds(
+    benchmark: Benchmark, protocol: str, principal: str, gripper: str, seed: int
+) -> Iterator[_Fold]:
+    """Yield the folds of a protocol, with all instances that could be tested."""
+    objects = benchmark.estimates.objects
     if protocol == "random_split":
-        for cut in _random_split(benchmark, principal, gripper):
-            yield _Cut(cut.train, cut.judged & rows, cut.annotated, cut.closed, gripper)
+        part = published_part(benchmark.estimates, principal, gripper, benchmark.split)
+        test = part == "test"
+        yield _Fold(part == "train", test, ~test, test, gripper)
     elif protocol == "unseen_scenes":
         for test in _scene_folds(benchmark, seed):
-            yield _Cut(~test, test & rows, ~test, test, gripper)
+            yield _Fold(~test, test, ~test, test, gripper)
     elif protocol == "unseen_gripper":
-        grippers = sorted({g for _, g in benchmark.pairs()})
-        others = [name for name in grippers if name != gripper]
-        if len(others) != 1:
-            raise InputError(
-                f"unseen_gripper learns from one gripper and judges another, but there are "
-                f"outcomes of {', '.join(grippers)}"
-            )
+        other = _other_gripper(benchmark, gripper)
         for test in _scene_folds(benchmark, seed):
-            yield _Cut(~test, test & rows, ~test, test, others[0], gripper)
+            yield _Fold(~test, test, ~test, test, other, left_out=gripper)
     else:
-        objects = benchmark.estimates.objects
         for name in np.unique(objects):
-            mine = objects == name
-            yield _Cut(~mine, mine & rows, ~mine, mine & rows, gripper, str(name))
+            test = objects == name
+            yield _Fold(~test, test, ~test, test, gripper, left_out=str(name))
+
+
+def _other_gripper(benchmark: Benchmark, gripper: str) -> str:
+    grippers = sorted({name for _, name in benchmark.pairs()})
+    others = [name for name in grippers if name != gripper]
+    if len(others) != 1:
+        raise InputError(
+            "unseen_gripper is trained on one gripper and tested on another, but there are "
+            f"outcomes of {', '.join(grippers)}",
+            parameters=("protocols",),
+        )
+    return others[0]
 
 
 def tasks(
@@ -190,8 +204,8 @@ def tasks(
     *,
     rows: Bool[ndarray, " n"] | None = None,
     seed: int = 0,
-) -> Iterator[tuple[Task, Samples]]:
-    """The tasks of a protocol, each with the samples that it is judged by.
+) -> Iterator[tuple[Task, TrainingData]]:
+    """Yield the tasks of a protocol, each with its test instances and their outcomes.
 
     Parameters
     ----------
@@ -200,31 +214,36 @@ def tasks(
     protocol
         One of :data:`PROTOCOLS`.
     principal, gripper
-        Whose grasps are judged.
+        Estimator that guides the test grasps, and gripper.
     rows
-        Which instances may be judged, (n,); by default the protocol's own: all of them, or where a
-        simulation may take part, those in :attr:`Benchmark.reported`.
+        Which instances may be tested, (n,); by default the protocol's own: all of them, or if a
+        simulation may be involved, those in :attr:`Benchmark.reported`.
     seed
-        Of how scenes are dealt out, and of the methods.
+        Of the folds of scenes, and of the methods.
 
     Raises
     ------
     UnknownNameError
         For an unknown protocol.
     InputError
-        If the protocol needs what is not there.
+        If data that the protocol needs are missing.
     """
     if protocol not in PROTOCOLS:
-        raise UnknownNameError("protocol", protocol, PROTOCOLS)
+        raise UnknownNameError("protocol", protocol, PROTOCOLS, parameters=("protocols",))
     if protocol == "unseen_object_simulated":
         benchmark = benchmark.with_simulated_outcomes()
     if rows is None:
         alone = protocol in ("random_split", "unseen_scenes")
         rows = np.ones(len(benchmark), dtype=bool) if alone else benchmark.reported
-    for cut in _cuts(benchmark, protocol, principal, gripper, rows, seed):
-        judged = benchmark.samples(principal, gripper, cut.judged)
-        if len(judged):
-            yield _task(benchmark, protocol, principal, gripper, cut, judged, seed), judged
+    by_object = protocol in ("unseen_object", "unseen_object_simulated")
+    for fold in _folds(benchmark, protocol, principal, gripper, seed):
+        tested = fold.test & rows
+        if by_object:
+            # One's own trials of a left-out object may be used on images that are not tested.
+            fold = replace(fold, held_out=tested)
+        test = benchmark.tried(principal, gripper, tested)
+        if len(test):
+            yield _task(benchmark, protocol, principal, gripper, fold, test.estimates, seed), test
 
 
 def _task(
@@ -232,27 +251,27 @@ def _task(
     protocol: str,
     principal: str,
     gripper: str,
-    cut: _Cut,
-    judged: Samples,
+    fold: _Fold,
+    test: Estimates,
     seed: int,
 ) -> Task:
     def look_up(estimates: Estimates) -> ndarray:
         rows = benchmark.rows_of(estimates)
-        if cut.closed[rows].any():
+        if fold.held_out[rows].any():
             raise MismatchError(
-                f"{int(cut.closed[rows].sum())} of these instances are kept for judging "
-                f"({protocol}); their ground truth is not for learning"
+                f"{int(fold.held_out[rows].sum())} of these instances are for testing "
+                f"({protocol}); their ground truth may not be used"
             )
         return benchmark.truth[rows]
 
-    def samples(gripper: str, rows: ndarray, simulated: bool) -> dict[str, Samples]:
-        """By principal, the asked one first."""
+    def tried(gripper: str, rows: ndarray, simulated: bool) -> dict[str, TrainingData]:
+        """By principal, that of the task first."""
         names = [e for e, g in benchmark.pairs(simulated=simulated) if g == gripper]
         names.sort(key=lambda name: name != principal)
-        return {name: benchmark.samples(name, gripper, rows, simulated=simulated) for name in names}
+        return {name: benchmark.tried(name, gripper, rows, simulated=simulated) for name in names}
 
-    own = {} if benchmark.simulated is None else samples(gripper, ~cut.closed, True)
-    known = samples(cut.learned_gripper, cut.train, False)
+    own = {} if benchmark.simulated is None else tried(gripper, ~fold.held_out, True)
+    known = tried(fold.gripper, fold.train, False)
     return Task(
         protocol=protocol,
         principal=principal,
@@ -261,11 +280,11 @@ def _task(
         others=tuple(known.values()),
         simulated=tuple(own.values()),
         transferred=benchmark.transferred.get(gripper),
-        annotated=benchmark.estimates.select(cut.annotated),
-        truth=benchmark.truth[cut.annotated],
-        test=judged.estimates,
+        annotated=benchmark.estimates.select(fold.annotated),
+        truth=benchmark.truth[fold.annotated],
+        test=test,
         models=benchmark.models,
-        left_out=cut.left_out,
+        left_out=fold.left_out,
         seed=seed,
         _look_up=look_up,
     )
@@ -281,9 +300,9 @@ def forecast(
     *,
     rows: Bool[ndarray, " n"] | None = None,
     seed: int = 0,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Forecasts:
-    """A method's predictions in every task of a protocol.
+    """Compute the forecasts of a method in every task of a protocol.
 
     Parameters
     ----------
@@ -294,34 +313,35 @@ def forecast(
     benchmark, protocol, principal, gripper, rows, seed
         As for :func:`tasks`.
     progress
-        Called with the share of the tasks that are done.
+        Called with the share of the tasks that are done and a message.
 
     Raises
     ------
     InputError
-        If nothing is to be judged, or the method's answer is not one.
+        If there is no instance to test, or the method does not return probabilities.
     """
     every = list(tasks(benchmark, protocol, principal, gripper, rows=rows, seed=seed))
     if not every:
-        raise InputError(f"{protocol}: no grasp by {principal} and {gripper} to judge by")
+        raise InputError(
+            f"{protocol}: no grasp guided by {principal} with the {gripper} gripper to test"
+        )
     answers = []
-    for i, (task, judged) in enumerate(every):
+    for i, (task, test) in enumerate(every):
         answer = np.asarray(method(task), dtype=np.float64)
-        if answer.shape != (len(judged),):
+        if answer.shape != (len(test),):
             raise MismatchError(
-                f"{name} gave {answer.shape} probabilities for {len(judged)} instances"
+                f"{name} returned {answer.shape} probabilities for {len(test)} instances"
             )
         answers.append(answer)
-        if progress is not None:
-            progress((i + 1) / len(every))
-    samples = [judged for _, judged in every]
+        step_of(progress, i, len(every))(1.0, f"{protocol}: {name}")
+    tested = [test for _, test in every]
     return Forecasts(
         protocol=protocol,
         method=name,
         principal=principal,
         gripper=gripper,
         probability=np.concatenate(answers),
-        success=np.concatenate([s.success for s in samples]),
-        objects=np.concatenate([s.objects for s in samples]),
-        scenes=np.concatenate([benchmark.scenes[benchmark.rows_of(s.estimates)] for s in samples]),
+        success=np.concatenate([t.own_success == 1 for t in tested]),
+        objects=np.concatenate([t.objects for t in tested]),
+        scenes=np.concatenate([benchmark.scenes[benchmark.rows_of(t.estimates)] for t in tested]),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ from graspcast.evaluation.bootstrap import Bootstrap, Interval, ResampledScores,
 from graspcast.evaluation.net_benefit import Costs
 from graspcast.evaluation.predictions import Forecasts
 from graspcast.evaluation.scores import score
+from graspcast.io.progress import Progress
 
 __all__ = ["BASELINES", "MEASURES", "SCORES", "evaluate", "evaluate_protocol"]
 
@@ -44,7 +45,7 @@ def evaluate(
     *,
     costs: Costs | None = None,
     bootstrap: Bootstrap | None = None,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Score every method with every gripper under every protocol, averaged over principals.
 

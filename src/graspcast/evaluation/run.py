@@ -1,14 +1,15 @@
-"""All forecasts of a comparison, kept as they come, so that a long run can be gone on with."""
+"""The forecasts of all methods under all protocols; an interrupted run can be resumed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from graspcast._version import __version__
 from graspcast.evaluation.benchmark import Benchmark
 from graspcast.evaluation.predictions import Forecasts
 from graspcast.evaluation.protocols import Method, forecast
+from graspcast.io.progress import Progress, step_of
 
 __all__ = ["forecast_all"]
 
@@ -20,9 +21,9 @@ def forecast_all(
     *,
     work: Path | None = None,
     seed: int = 0,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[Forecasts]:
-    """The forecasts of every method under every protocol, for every principal and gripper.
+    """Compute forecasts of each method under each protocol, for each principal and gripper.
 
     Parameters
     ----------
@@ -33,19 +34,19 @@ def forecast_all(
     protocols
         Names of protocols.
     work
-        Where each method's forecasts are kept, as
-        ``<protocol>/<method>/<principal>-<gripper>.npz``. What is there is taken if it comes from
-        the same data, seed, settings and version of graspcast; a change of a method's *code* is not
-        noticed.
+        Directory in which forecasts are saved, as
+        ``<protocol>/<method>/<principal>-<gripper>.npz``. Saved forecasts are reused if they come
+        from the same data, seed, settings and version of graspcast; a change of a method's *code*
+        is not detected.
     seed
-        Of how scenes are dealt out, and of the tasks.
+        Of the folds of scenes, and of the tasks.
     progress
-        Called with the share of the work that is done, and what is being worked on.
+        Called with the share of the work that is done and a message.
 
     Raises
     ------
     FormatError
-        For a file in ``work`` that is none of forecasts.
+        For a file in ``work`` that is not one of forecasts.
     InputError
         As :func:`graspcast.evaluation.protocols.forecast` does.
     """
@@ -58,25 +59,14 @@ def forecast_all(
     ]
     out = []
     for i, (protocol, name, principal, gripper) in enumerate(jobs):
-        words = f"{protocol.replace('_', ' ')}: {name}, {principal}, {gripper}"
-
-        def step(share: float, i: int = i, words: str = words) -> None:
-            if progress is not None:
-                progress((i + share) / len(jobs), words)
-
-        step(0.0)
+        message = f"{protocol.replace('_', ' ')}: {name}, {principal}, {gripper}"
+        step = step_of(progress, i, len(jobs), message)
+        step(0.0, "")
         path = work / protocol / name / f"{principal}-{gripper}.npz" if work is not None else None
-        where = (protocol, name, principal, gripper)
         own = protocol == "unseen_object_simulated" or getattr(methods[name], "simulates", False)
-        configuration = " ".join(
-            [
-                digests.get(own, ""),
-                *where,
-                f"seed={seed}",
-                repr(methods[name]),
-                f"graspcast={__version__}",
-            ]
-        )
+        where = (protocol, name, principal, gripper)
+        settings = (f"seed={seed}", repr(methods[name]), f"graspcast={__version__}")
+        configuration = " ".join([digests.get(own, ""), *where, *settings])
         found = Forecasts.load(path, configuration) if path is not None else None
         if found is None:
             found = forecast(

@@ -1,4 +1,8 @@
-"""What moved a probability: the features in groups, each set to what is typical."""
+"""Attribution of a forecast to groups of features.
+
+The attribution of a group is the forecast less the forecast with the group's features set to their
+medians in training (an ablation to a baseline).
+"""
 
 from __future__ import annotations
 
@@ -15,13 +19,13 @@ __all__ = ["attributions", "groups_of"]
 
 _TURNS = {"rot", "angle", "turn", "dpsi"}
 _ALONE = {"view", "axis", "distance"}
-"""The side from which the principal is seen: medians of it would be no side."""
+"""The viewing direction of the principal, whose median would be no direction."""
 
 
 def groups_of(names: Sequence[str]) -> dict[str, Int[ndarray, "c"]]:
-    """Columns by what they say: a supporter's rotation or position, or two supporters' difference.
+    """Group feature columns: a supporter's rotation or position, or two supporters' difference.
 
-    Medians and means over all supporters go with every group of their kind.
+    Medians and means over all supporters belong to every group of their kind.
     """
     groups: dict[str, list[int]] = {}
     common: dict[str, list[int]] = {"rotation": [], "position": []}
@@ -52,9 +56,22 @@ def attributions(
     numbers: Int[ndarray, "n"],
     typical: Float[ndarray, "d"],
 ) -> list[tuple[tuple[str, float], ...]]:
-    """For each row: the groups, and the probability less that with the group typical.
+    """Attribute each row's forecast to groups of features.
 
-    The strongest come first.
+    Parameters
+    ----------
+    predictor
+        The model.
+    features
+        Features of n instances.
+    numbers
+        Their object numbers, (n,).
+    typical
+        Medians of the training features, (d,).
+
+    Returns
+    -------
+        For each row pairs of a group's name and its attribution, the largest magnitude first.
     """
     groups = groups_of(features.names)
     stacked = np.tile(features.values, (len(groups) + 1, 1, 1))

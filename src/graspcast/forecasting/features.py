@@ -1,19 +1,19 @@
-"""Consensus features: how the supporters' estimates differ from the principal's.
+"""Consensus features: differences between the supporters' and the principal's estimates.
 
 Every column has a name, a unit and a meaning (:func:`describe`). None uses ground truth. A column
-of one supporter is called ``name.supporter``, one of two supporters ``name.first.second``, and one
-of the principal alone just ``name``.
+of one supporter is named ``name.supporter``, one of two supporters ``name.first.second``, and one
+of the principal alone ``name``.
 
 Three sets:
 
 - ``paper``: the six signed differences of Section III-C, principal minus supporter: translation,
   and ZYX Euler angles subtracted without wrapping (about one sample in ten is off by a whole turn).
-- ``rich``: differences seen from the principal's object frame, with the supporter's pose turned by
-  the object's symmetry that brings it nearest; along the viewing ray and across it, relative to the
-  depth; ADD; differences among supporters; the viewing direction and the depth.
+- ``rich``: differences in the principal's object frame, after the supporter's pose is replaced by
+  the nearest one that is equivalent by the object's symmetries; along and across the viewing ray,
+  relative to the distance; ADD; differences between supporters; viewing direction and distance.
 - ``full``: those, and the differences in the principal's ray frame
-  (:mod:`graspcast.pose.ray_frame`), which know nothing of the object, so that what is
-  learned on one holds for another.
+  (:mod:`graspcast.pose.ray_frame`), which do not depend on the object, so that a model fitted to
+  one object is valid for another.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ _MEANING = {
 
 @dataclass(frozen=True)
 class Features:
-    """A table of features: one row an instance, one column a name.
+    """A table of features: one row for each instance, one column for each name.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ class Features:
 
 
 def describe(name: str) -> tuple[str, str]:
-    """Unit and meaning of a feature column.
+    """Look up the unit and meaning of a feature column.
 
     Raises
     ------
@@ -157,13 +157,13 @@ def _paper(principal: ndarray, supporters: Mapping[str, ndarray]) -> Columns:
 def _rich(
     principal: ndarray, supporters: Mapping[str, ndarray], symmetries: ndarray, adds: ndarray
 ) -> Columns:
-    """The rich columns of instances of one object; ``adds`` is ADD over diameter, (n, K - 1)."""
+    """Compute the rich columns of one object; ``adds`` is ADD over diameter, (n, K - 1)."""
     distance = np.linalg.norm(principal[:, :3, 3], axis=-1)
-    # A principal at the camera's centre has no ray; any will do, and the distance says so.
+    # A principal at the camera's centre has no ray; the optical axis is used.
     safe = np.where(distance > 0, distance, 1.0)
     ray = np.where(distance[:, None] > 0, principal[:, :3, 3] / safe[:, None], [0.0, 0.0, 1.0])
 
-    # All differences at once: each supporter seen from the principal, then each from another.
+    # All differences at once: principal to each supporter, then between pairs of supporters.
     names, poses = list(supporters), np.stack([principal, *supporters.values()])
     k = len(names)
     pairs = [(0, i + 1) for i in range(k)] + list(combinations(range(1, k + 1), 2))
@@ -199,7 +199,7 @@ def _rich(
 
 
 def _rays(principal: ndarray, supporters: Mapping[str, ndarray], symmetries: ndarray) -> Columns:
-    """The further columns of ``full``, of instances of one object."""
+    """Compute the columns that ``full`` has beyond ``rich``, of one object."""
     seen = []
     for name, supporter in supporters.items():
         near = nearest_symmetric(compose(invert(principal), supporter), symmetries)
@@ -218,7 +218,7 @@ def _rays(principal: ndarray, supporters: Mapping[str, ndarray], symmetries: nda
 
 
 def _runs(*columns: ndarray) -> Iterator[slice | ndarray]:
-    """The rows of each distinct combination of values."""
+    """Yield the rows of each distinct combination of values."""
     if len(columns[0]) == 1:
         yield slice(None)
         return
@@ -232,8 +232,9 @@ def _runs(*columns: ndarray) -> Iterator[slice | ndarray]:
 def _models_of(models: Mapping[str, Models], dataset: str) -> Models:
     if dataset not in models:
         raise MismatchError(
-            f"no object models for dataset {dataset!r}; known: {', '.join(models) or 'none'}; "
-            "give its BOP directory with --bop"
+            f"no object models for dataset {dataset!r}; there are models of: "
+            f"{', '.join(models) or 'none'}",
+            parameters=("bop", "models"),
         )
     return models[dataset]
 
@@ -241,10 +242,13 @@ def _models_of(models: Mapping[str, Models], dataset: str) -> Models:
 def mean_add(
     estimates: Estimates, principal: str, models: Mapping[str, Models]
 ) -> Float[ndarray, "n"]:
-    """Mean over supporters of ADD between the principal's pose and theirs, in metres.
+    """Compute the mean over supporters of ADD between the principal's pose and theirs, in metres.
 
-    The disagreement of Shi et al. (Fast Uncertainty Quantification, ICRA 2021) as Section V-B of
-    the paper adapts it; plain ADD, also for symmetric objects.
+    Plain ADD also for symmetric objects, as in Section V-B of the paper.
+
+    References
+    ----------
+    G. Shi et al., *Fast Uncertainty Quantification for Deep Object Pose Estimation*, ICRA 2021.
     """
     out = np.empty(len(estimates))
     for rows, _, _, adds in _adds(estimates, principal, models):
@@ -255,7 +259,7 @@ def mean_add(
 def _adds(
     estimates: Estimates, principal: str, models: Mapping[str, Models]
 ) -> Iterator[tuple[slice | ndarray, str, int, ndarray]]:
-    """For each object: its rows, dataset and number, and ADD to each supporter, (m, K - 1)."""
+    """Yield each object's rows, dataset, number, and ADD to each supporter, (m, K - 1)."""
     pose = estimates.of(principal)
     supporters = [estimates.of(name) for name in estimates.supporters(principal)]
     for rows in _runs(estimates.dataset, estimates.obj_id):
@@ -272,7 +276,7 @@ def consensus_features(
     which: FeatureSet = "paper",
     models: Mapping[str, Models] | None = None,
 ) -> Features:
-    """The features of every instance.
+    """Compute the features of every instance.
 
     Parameters
     ----------
@@ -283,14 +287,14 @@ def consensus_features(
     which
         ``paper``, ``rich`` or ``full``.
     models
-        Dataset's name to its object models; the latter two need them.
+        Dataset's name to its object models, for ``rich`` and ``full``.
 
     Raises
     ------
     UnknownNameError
         For a principal, an object or a feature set that is not known.
     MismatchError
-        If models are needed and there are none for a dataset.
+        If the models of a dataset are needed and missing.
     """
     pose = estimates.of(principal)
     supporters = {name: estimates.of(name) for name in estimates.supporters(principal)}
@@ -322,7 +326,7 @@ def _stack(columns: Columns) -> Features:
 def features_of(
     estimates: Estimates, principal: str, which: str, models: Mapping[str, Models] | None
 ) -> Features:
-    """The features that a card names: a set's name, or ``add`` for the mean ADD alone."""
+    """Compute the features of a model card: a set's name, or ``add`` for the mean ADD alone."""
     if which == "add":
         return Features(("add_mean",), mean_add(estimates, principal, models or {})[:, None])
     named: FeatureSet = which  # type: ignore[assignment]

@@ -1,4 +1,4 @@
-"""From K estimators' poses of an instance to the probability that its grasp holds."""
+"""The forecaster: from K estimators' poses of an instance to the probability of grasp success."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ KINDS: Mapping[str, Any] = {
     "MLP": NetworkEnsemble,
     "MLP-O": NetworkEnsemble,
 }
-"""Method's name to what is inside a forecaster of it."""
-_FORMAT = 2
+"""Method's name to the class of its model."""
+_FORMAT = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Forecaster:
-    """A trained predictor, what training looked like, and its card.
+    """A trained model of grasp success, a novelty detector, and the model card.
 
     ::
 
@@ -62,7 +62,7 @@ class Forecaster:
     predictor: Predictor
     novelty: Novelty
     typical: Float[ndarray, "d"]
-    """Medians of the training features, which explanations compare with."""
+    """Medians of the training features, the baseline of attributions."""
 
     @property
     def needs_models(self) -> bool:
@@ -76,7 +76,7 @@ class Forecaster:
         *,
         unseen_objects: bool = False,
     ) -> Float[ndarray, "n"]:
-        """Probability of success of every instance.
+        """Forecast the probability of success of every instance.
 
         Parameters
         ----------
@@ -85,7 +85,7 @@ class Forecaster:
         models
             Dataset's name to its object models, if :attr:`needs_models`.
         unseen_objects
-            Answer for objects that it was not trained for too, if it can.
+            Also forecast objects that are not in training, if the method can.
 
         Raises
         ------
@@ -96,10 +96,10 @@ class Forecaster:
         return self.predictor.probability(found.values, numbers)
 
     def p_value(self, estimates: Estimates) -> Float[ndarray, "n"]:
-        """How usual each instance's disagreement is (see :mod:`graspcast.forecasting.novelty`).
+        """Compute the novelty p-value of every instance (:mod:`graspcast.forecasting.novelty`).
 
-        Small is strange: of instances from scenes like the training's, at most a share ``a`` has
-        ``a`` or less.
+        Small means novel: of instances of scenes like those in training, at most a share ``a`` has
+        a p-value of ``a`` or less.
 
         Raises
         ------
@@ -112,10 +112,10 @@ class Forecaster:
     def explain(
         self, estimates: Estimates, models: Mapping[str, Models] | None = None
     ) -> list[tuple[tuple[str, float], ...]]:
-        """What moved each probability most, and by how much, the strongest first.
+        """Attribute every forecast to groups of features, the largest magnitude first.
 
-        A group of features (one supporter's rotation, say) is set to training's medians; the
-        probability less the one that is then forecast is what the group did.
+        The attribution of a group (for example one supporter's rotation) is the forecast less the
+        forecast with the group set to its medians in training.
 
         Raises
         ------
@@ -134,7 +134,7 @@ class Forecaster:
         ood_alpha: float = OOD_ALPHA,
         explain: bool = False,
     ) -> list[Verdict]:
-        """The verdict on every instance.
+        """Decide on every instance: attempt the grasp, or abstain.
 
         Parameters
         ----------
@@ -142,12 +142,12 @@ class Forecaster:
             As for :meth:`probability`.
         threshold
             Attempt at this probability or above it; None attempts nothing.
-        promise
-            What the threshold was certified to keep.
-        strange
-            Abstain where :meth:`p_value` is this or less; 0 attempts the unfamiliar too.
+        guarantee
+            The guarantee that the threshold was certified for.
+        ood_alpha
+            Abstain where :meth:`p_value` is this or less; 0 attempts novel instances too.
         explain
-            Say what moved the probability (see :meth:`explain`).
+            Add attributions (see :meth:`explain`).
 
         Raises
         ------
@@ -185,7 +185,7 @@ class Forecaster:
         ood_alpha: float = OOD_ALPHA,
         explain: bool = False,
     ) -> Verdict:
-        """The verdict on one instance.
+        """Decide on one instance: attempt the grasp, or abstain.
 
         Parameters
         ----------
@@ -197,7 +197,7 @@ class Forecaster:
             Attempt at this probability or above it.
         models
             As for :meth:`probability`.
-        strange, explain
+        ood_alpha, explain
             As for :meth:`verdicts`.
 
         Raises
@@ -205,7 +205,7 @@ class Forecaster:
         MismatchError
             For other estimators or objects than it was trained for.
         InputError
-            For a pose that is not one, or a threshold that is no probability.
+            For a pose that is not a 4x4 matrix of finite numbers, or a threshold outside [0, 1].
         """
         check_threshold(threshold)
         self._check_estimators(poses)
@@ -227,7 +227,7 @@ class Forecaster:
     def _inputs(
         self, estimates: Estimates, models: Mapping[str, Models] | None, unseen: bool = False
     ) -> tuple[Features, ndarray]:
-        """What the predictor sees: each instance's features, and its object's number."""
+        """Compute the inputs of the model: each instance's features and object number."""
         card = self.card
         self._check_estimators(estimates.estimators)
         mine = estimates.only(*card.estimators)
@@ -240,7 +240,8 @@ class Forecaster:
             raise MismatchError(
                 f"this model needs estimates by {card.principal} (principal) and "
                 f"{', '.join(card.supporters)}, but there are none by {', '.join(lacking)}; "
-                f"given: {', '.join(given) or 'none'}"
+                f"given: {', '.join(given) or 'none'}",
+                parameters=("estimates",),
             )
 
     def _object_numbers(self, names: ndarray, unseen: bool = False) -> ndarray:
@@ -249,12 +250,13 @@ class Forecaster:
         if unknown and not unseen:
             raise MismatchError(
                 f"this model was not trained for {', '.join(unknown)}; it knows "
-                f"{', '.join(self.card.objects)}; leave the others out with --objects"
+                f"{', '.join(self.card.objects)}",
+                parameters=("objects", "model"),
             )
         return np.array([number.get(name, UNSEEN) for name in names.tolist()], dtype=np.int64)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write it as one file: arrays and JSON in an npz, no pickle."""
+        """Write one npz file of arrays and JSON, without pickle."""
         content = {"format": _FORMAT, "card": self.card.as_dict()}
         with atomic_write(path) as temporary, temporary.open("wb") as stream:
             np.savez_compressed(
@@ -267,16 +269,16 @@ class Forecaster:
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Forecaster:
-        """Read what :meth:`save` wrote.
+        """Read a file that :meth:`save` wrote.
 
         Raises
         ------
         FormatError
-            If the file is missing, truncated, or no model.
+            If the file is missing, truncated, or not a model.
         """
         path = Path(path)
         try:
-            # Opened here, since NumPy leaves what is no archive open.
+            # Opened here, since NumPy would not close a file that is not an archive.
             with path.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
                 content = json.loads(str(data["card"]))
                 arrays = {k: data[k] for k in data.files if k != "card"}
@@ -295,7 +297,7 @@ class Forecaster:
             raise FormatError(path, f"cannot be read ({error.strerror or error})") from error
         except Exception as error:  # those of zipfile, zlib, tokenize and NumPy have no common base
             raise FormatError(
-                path, f"is not a whole model file ({error}); train it again"
+                path, f"is not a complete model file ({error}); train it again"
             ) from error
 
 

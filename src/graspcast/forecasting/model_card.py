@@ -1,4 +1,4 @@
-"""What a forecaster was made of, for whoever finds its file."""
+"""The model card: what a forecaster was trained on and how."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ __all__ = ["ModelCard", "digest_of"]
 
 @dataclass(frozen=True)
 class ModelCard:
-    """What a forecaster was made of.
+    """What a forecaster was trained on and how.
 
     Attributes
     ----------
     principal, supporters
         The estimators; features are in the supporters' order.
     gripper
-        The gripper whose outcomes it learned.
+        The gripper of the outcomes.
     objects
-        ``dataset-number`` of the objects it knows.
+        ``dataset-number`` of the objects that it can forecast.
     simulated
-        Those of them that it knows by simulated trials alone.
+        Those of them of which training had simulated trials alone.
     scenes
-        ``dataset/scene`` of all that it has learned from.
+        ``dataset/scene`` of all training instances.
     method
-        One of :data:`graspcast.forecasting.forecaster.METHODS`.
+        A key of :data:`graspcast.forecasting.forecaster.KINDS`.
     features
         Feature set (``paper``, ``rich`` or ``full``), or ``add`` for the threshold.
     settings
-        Of the method.
+        Settings of the method.
     samples, success_rate
-        Of the training data.
+        Number and success rate of the outcomes of the principal's grasps.
     data
         SHA-256 of the training data.
     versions
@@ -65,32 +65,32 @@ class ModelCard:
 
     @property
     def estimators(self) -> tuple[str, ...]:
-        """All that it needs, the principal first."""
+        """All estimators that it needs, the principal first."""
         return (self.principal, *self.supporters)
 
     def lacking(self, given: Collection[str]) -> list[str]:
-        """The estimators that it needs and are not given."""
+        """Return the needed estimators that are not given."""
         return [name for name in self.estimators if name not in given]
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all but the scores: promises name the model by it."""
+        """SHA-256 of all but the scores, by which certificates identify the model."""
         content = {k: v for k, v in self.as_dict().items() if k != "scores"}
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> ModelCard:
-        """The inverse of :meth:`as_dict`, from JSON."""
+        """Restore what :meth:`as_dict` returned, also from JSON."""
         lists = ("supporters", "objects", "simulated", "scenes")
         return cls(**{**content, **{k: tuple(content[k]) for k in lists}})
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
+        """Return plain values, for JSON."""
         return asdict(self)
 
 
 def digest_of(estimates: Estimates, *others: ndarray) -> str:
-    """SHA-256 over instances and poses, and over further arrays."""
+    """Return the SHA-256 of instances, poses and further arrays."""
     digest = hashlib.sha256()
     for part in ("dataset", "scene_id", "im_id", "obj_id", "est_id", "cam_T_obj"):
         digest.update(np.ascontiguousarray(getattr(estimates, part)).tobytes())

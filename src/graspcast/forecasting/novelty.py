@@ -1,11 +1,15 @@
-"""Whether a disagreement is like those that training has seen: a conformal test.
+"""Novelty detection: whether the estimators' disagreement is out of distribution.
 
-The score of an instance is its Mahalanobis distance from the training instances, over what the
-supporters say in the principal's ray frame (nothing of the object), large differences by their
-logarithm. Its p-value is the share of calibration scores at least as large, those computed for
-scenes that the distance had not seen (inductive conformal anomaly detection, Laxhammar and Falkman
-2010). For an instance from a scene like the training's, P(p-value <= a) <= a, whatever the
-distribution of the scores.
+The score of an instance is the Mahalanobis distance of its disagreement from those in training. The
+disagreement holds each supporter's pose in the principal's ray frame (independent of the object);
+large differences enter by their logarithm. The p-value is the share of out-of-fold training scores
+that are at least as large (inductive conformal anomaly detection). For an instance of a scene like
+those in training, P(p-value <= a) <= a, whatever the distribution of the scores.
+
+References
+----------
+R. Laxhammar and G. Falkman, *Conformal prediction for distribution-independent anomaly detection in
+streaming vessel data*, StreamKDD 2010.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ from numpy import ndarray
 
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import scene_groups
+from graspcast.forecasting.splits import fold_numbers
 from graspcast.pose.ray_frame import compressed, relative
 
 __all__ = ["Novelty"]
@@ -26,16 +31,16 @@ __all__ = ["Novelty"]
 
 @dataclass(frozen=True, eq=False)
 class Novelty:
-    """What training's disagreements look like.
+    """A conformal novelty detector for the estimators' disagreement.
 
     Attributes
     ----------
     centre
-        (6 (K - 1),).
+        Mean disagreement in training, (6 (K - 1),).
     precision
-        Inverse covariance, (6 (K - 1), 6 (K - 1)).
+        Inverse covariance (Ledoit-Wolf), (6 (K - 1), 6 (K - 1)).
     scores
-        Of held-out training instances, ascending, (m,).
+        Out-of-fold scores of the training instances, ascending, (m,).
     """
 
     centre: Float[ndarray, "d"]
@@ -44,39 +49,39 @@ class Novelty:
 
     @classmethod
     def fit(cls, estimates: Estimates, principal: str, *, folds: int = 4) -> Novelty:
-        """Learn from the training instances; their scenes are dealt into ``folds`` in turn."""
+        """Fit to the training instances; their scenes are assigned to ``folds`` in turn."""
         rows = disagreement(estimates, principal, estimates.supporters(principal))
-        names, group = np.unique(scene_groups(estimates.instances), return_inverse=True)
-        part = group % min(folds, len(names))
+        fold_of = fold_numbers(scene_groups(estimates.instances), folds)
         scores = np.empty(len(rows))
-        for fold in range(part.max() + 1):
-            kept = part != fold if part.max() > 0 else part == fold
-            scores[part == fold] = _distance(rows[part == fold], *_shape(rows[kept]))
+        for fold in range(fold_of.max() + 1):
+            test = fold_of == fold
+            train = test if test.all() else ~test
+            scores[test] = _distance(rows[test], *_shape(rows[train]))
         return cls(*_shape(rows), np.sort(scores))
 
     def p_value(
         self, estimates: Estimates, principal: str, supporters: Sequence[str]
     ) -> Float[ndarray, "n"]:
-        """How unusual each instance's disagreement is: small is strange."""
+        """Compute the conformal p-value of each instance's disagreement; small means novel."""
         rows = disagreement(estimates, principal, supporters)
         score = _distance(rows, self.centre, self.precision)
         at_least = len(self.scores) - np.searchsorted(self.scores, score, side="left")
         return (at_least + 1) / (len(self.scores) + 1)
 
     def to_arrays(self) -> dict[str, ndarray]:
-        """Named arrays."""
+        """Return everything as named arrays."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Novelty:
-        """The inverse of :meth:`to_arrays`."""
+        """Restore what :meth:`to_arrays` returned."""
         return cls(*(arrays[f.name] for f in fields(cls)))
 
 
 def disagreement(
     estimates: Estimates, principal: str, supporters: Sequence[str]
 ) -> Float[ndarray, "n d"]:
-    """Each supporter in the principal's ray frame, small differences as they are."""
+    """Return each supporter's pose in the principal's ray frame, large values compressed."""
     pose = estimates.of(principal)
     seen = [compressed(relative(pose, estimates.of(name))) for name in supporters]
     return np.concatenate(seen, axis=1)

@@ -1,15 +1,13 @@
-"""Training a forecaster, and scoring its method on what training has not seen."""
+"""Training of a forecaster."""
 
 from __future__ import annotations
 
-import platform
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from graspcast._version import __version__
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.estimates.instances import unit_names
@@ -17,38 +15,41 @@ from graspcast.forecasting.features import FeatureSet, features_of
 from graspcast.forecasting.forecaster import KINDS, Forecaster
 from graspcast.forecasting.model_card import ModelCard, digest_of
 from graspcast.forecasting.models.add_threshold import Thresholds
+from graspcast.forecasting.models.base import Predictor
 from graspcast.forecasting.models.blend import Blend, ForestSettings
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble, NetworkSettings
 from graspcast.forecasting.novelty import Novelty
-from graspcast.forecasting.samples import Samples
-from graspcast.forecasting.training_data import TrainingData, as_training_data
+from graspcast.forecasting.training_data import TrainingData
+from graspcast.io.progress import Progress
+from graspcast.io.provenance import versions
 
 __all__ = ["train_forecaster"]
 
-_FORESTS = {"blend": None, "two-stage": 0.0, "direct": 1.0}
+_DIRECT_WEIGHT = {"blend": None, "two-stage": 0.0, "direct": 1.0}
+"""Methods made of forests, and the weight of the direct forest if not that of the settings."""
 
 
 def train_forecaster(
-    given: Samples | TrainingData,
+    training_data: TrainingData,
     *,
     method: str = "blend",
     features: FeatureSet = "paper",
     settings: NetworkSettings | None = None,
     forests: ForestSettings | None = None,
     models: Mapping[str, Models] | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Forecaster:
     """Train a forecaster for a principal, its supporters, a gripper and objects.
 
     Parameters
     ----------
-    given
-        Instances with outcomes; lessons may add ground truth, outcomes of grasps that the other
-        estimators guided, and simulated trials.
+    training_data
+        Instances with outcomes; ground truth, outcomes of grasps that other estimators guided, and
+        simulated trials are used by the methods made of forests.
     method
-        ``blend`` (the default), its parts ``two-stage`` (needs ground truth) and ``direct``;
-        ``threshold`` (on ADD), ``MLP`` (the paper's networks for each object) or ``MLP-O`` (for
-        all), which learn from the principal's outcomes alone.
+        ``blend`` (the default), its parts ``two-stage`` and ``direct``; ``threshold`` (on ADD),
+        ``MLP`` (the paper's networks, one ensemble for each object) or ``MLP-O`` (one for all
+        objects). ``two-stage`` needs ground truth; without any, ``blend`` equals ``direct``.
     features
         Of networks, ``paper`` or ``rich``; the other methods have their own.
     settings
@@ -58,89 +59,116 @@ def train_forecaster(
     models
         Dataset's name to its object models, for all but the paper's features.
     progress
-        Called with the share of the work that is done.
+        Called with the share of the work that is done and a message.
 
     Raises
     ------
     UnknownNameError
         For an unknown method.
     InputError
-        For fewer than ten samples, or only successes or only failures, unless there are simulated
-        trials.
+        For fewer than ten tried instances, or only successes or only failures, unless there are
+        simulated trials; for a method or simulated trials that need ground truth without any.
     """
     if method not in KINDS:
-        raise UnknownNameError("method", method, KINDS)
-    learned = as_training_data(given)
-    if not learned.has_truth.any() and (method == "two-stage" or learned.simulated is not None):
-        raise InputError(
-            "two stages, and so simulated trials, need ground truth of some images: give the "
-            "datasets' --bop with scene_gt.json, or --ground-truth; or leave out the simulated "
-            "trials"
-        )
-    answered = ~np.isnan(learned.success).all(axis=0)
-    if method == "two-stage":
-        answered &= learned.has_truth
-    with_outcomes = set(learned.estimates.objects[answered].tolist())
-    in_forests = method in _FORESTS
-    simulated = set()
-    if in_forests and learned.simulated is not None:
-        simulated = set(learned.simulated.objects.tolist())
-    own = learned.success[learned.estimates.index(learned.principal)]
-    tried = ~np.isnan(own)
-    held = int((own[tried] == 1).sum())
-    if not simulated and (tried.sum() < 10 or held in (0, tried.sum())):
-        raise InputError(
-            f"{tried.sum()} samples with {held} successes are too few to learn from: give at "
-            "least ten, with both outcomes"
-        )
-    used: Any = forests or ForestSettings()
-    if in_forests:
-        share = _FORESTS[method]
-        used = used if share is None else replace(used, direct=share)
-        features = "full"
-        scope, names = learned, tuple(sorted(with_outcomes | simulated))
+        raise UnknownNameError("method", method, KINDS, parameters=("method",))
+    scope = _scope(training_data, method)
+    data = scope.data
+    used: Any = None
+    feature_set: str = features
+    if method == "threshold":
+        feature_set = "add"
+    elif method in _DIRECT_WEIGHT:
+        feature_set, used = "full", forests or ForestSettings()
+        if (weight := _DIRECT_WEIGHT[method]) is not None:
+            used = replace(used, direct=weight)
     else:
-        used = replace(
-            settings or NetworkSettings(),
-            pools_objects=method == "MLP-O",
-            standardise=features == "rich",
-        )
-        scope = learned.select(tried)
-        names = tuple(sorted(set(scope.estimates.objects.tolist())))
-    estimates = scope.estimates
-    card = ModelCard(
-        principal=learned.principal,
-        supporters=estimates.supporters(learned.principal),
-        gripper=learned.gripper,
-        objects=names,
-        method=method,
-        features="add" if method == "threshold" else features,
-        settings={} if method == "threshold" else asdict(used),
-        samples=int(tried.sum()),
-        success_rate=held / max(1, int(tried.sum())),
-        data=digest_of(estimates, scope.success, scope.truth),
-        versions={
-            "graspcast": __version__,
-            "python": platform.python_version(),
-            "numpy": np.__version__,
-        },
-        simulated=tuple(sorted(simulated - with_outcomes)) if in_forests else (),
-        scenes=tuple(sorted(set(unit_names(estimates.instances, "scene").tolist()))),
-    )
-    values = features_of(estimates, card.principal, card.features, models).values
-    predictor: Blend | Thresholds | NetworkEnsemble
-    if in_forests:
-        predictor = Blend.fit(scope, names, models or {}, used, progress=progress)
+        pools, scales = method == "MLP-O", features == "rich"
+        used = replace(settings or NetworkSettings(), pools_objects=pools, standardise=scales)
+    card = _card(scope, method, feature_set, used)
+    values = features_of(data.estimates, card.principal, card.features, models).values
+    predictor: Predictor
+    if method in _DIRECT_WEIGHT:
+        predictor = Blend.fit(data, card.objects, models or {}, used, progress=progress)
     else:
-        success = own[tried] == 1
-        numbers = np.searchsorted(names, estimates.objects)
+        success, numbers = data.own_success == 1, np.searchsorted(card.objects, data.objects)
         if method == "threshold":
             predictor = Thresholds.fit(values, success, numbers)
         else:
             predictor = NetworkEnsemble.fit(values, success, numbers, used, progress=progress)
-    return Forecaster(
-        card,
-        predictor,
-        Novelty.fit(estimates, card.principal),
-        np.median(values, axis=0),
+    novelty = Novelty.fit(data.estimates, card.principal)
+    return Forecaster(card, predictor, novelty, np.median(values, axis=0))
+
+
+def _card(scope: _Scope, method: str, features: str, settings: Any) -> ModelCard:
+    data = scope.data
+    own = data.own_success[data.is_tried]
+    return ModelCard(
+        principal=data.principal,
+        supporters=data.estimates.supporters(data.principal),
+        gripper=data.gripper,
+        objects=scope.objects,
+        method=method,
+        features=features,
+        settings={} if settings is None else asdict(settings),
+        samples=len(own),
+        success_rate=float(own.sum()) / max(1, len(own)),
+        data=digest_of(data.estimates, data.success, data.truth),
+        versions=versions(),
+        simulated=scope.simulated,
+        scenes=tuple(sorted(set(unit_names(data.estimates.instances, "scene").tolist()))),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Scope:
+    """The training data that a method uses, and the objects that it learns.
+
+    Attributes
+    ----------
+    data
+        All instances, or for methods that use the principal's outcomes alone, the tried ones.
+    objects
+        Names of the objects that can be forecast, sorted.
+    simulated
+        Those of them that have simulated trials alone.
+    """
+
+    data: TrainingData
+    objects: tuple[str, ...]
+    simulated: tuple[str, ...] = ()
+
+
+def _scope(data: TrainingData, method: str) -> _Scope:
+    """Select what a method can learn from.
+
+    Raises
+    ------
+    InputError
+        If that is too little.
+    """
+    if not data.has_truth.any() and (method == "two-stage" or data.simulated is not None):
+        raise InputError(
+            "the method two-stage, and simulated trials with any method, need ground truth, but no "
+            "instance has a known true pose",
+            parameters=("ground_truth", "bop", "method", "simulated"),
+        )
+    from_forests = method in _DIRECT_WEIGHT
+    simulated: set[str] = set()
+    if from_forests and data.simulated is not None:
+        simulated = set(data.simulated.objects.tolist())
+    is_tried = data.is_tried
+    tried, successes = int(is_tried.sum()), int((data.own_success == 1).sum())
+    if not simulated and (tried < 10 or successes in (0, tried)):
+        raise InputError(
+            f"{tried} outcomes of {data.principal} with {successes} successes are too few to learn "
+            "from: give at least ten, with both successes and failures",
+            parameters=("outcomes",),
+        )
+    if not from_forests:
+        data = data.select(is_tried)
+        return _Scope(data, tuple(sorted(set(data.objects.tolist()))))
+    with_outcomes = ~np.isnan(data.success).all(axis=0)
+    if method == "two-stage":
+        with_outcomes &= data.has_truth
+    known = set(data.objects[with_outcomes].tolist())
+    return _Scope(data, tuple(sorted(known | simulated)), tuple(sorted(simulated - known)))

@@ -1,4 +1,4 @@
-"""What a forecaster learns from: estimates, ground truth, outcomes, and simulated errors."""
+"""Training data: estimates with outcomes, and where known ground truth and simulated trials."""
 
 from __future__ import annotations
 
@@ -13,22 +13,21 @@ from numpy import ndarray
 
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
-from graspcast.estimates.outcomes import read_error_outcomes, success_of_each
-from graspcast.forecasting.samples import Samples
+from graspcast.estimates.outcomes import read_error_outcomes, success_of_each, with_optional
 
-__all__ = ["SimulatedTrials", "TrainingData", "as_training_data", "training_data"]
+__all__ = ["SimulatedTrials", "TrainingData"]
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatedTrials:
-    """Trials known by the error that guided them, of one gripper.
+    """Simulated trials of one gripper, each with the pose error that guided it.
 
     Attributes
     ----------
     objects
         ``dataset-number`` of each trial's object, (n,).
     obj_T_est
-        The errors, ``inv(cam_T_true) @ cam_T_est``, (n, 4, 4).
+        Pose errors, ``inv(cam_T_true) @ cam_T_est``, metres, (n, 4, 4).
     success
         Outcomes, (n,).
     """
@@ -42,7 +41,7 @@ class SimulatedTrials:
 
     @classmethod
     def read(cls, paths: Iterable[str | PathLike[str]], gripper: str) -> SimulatedTrials:
-        """Those of a gripper in campaigns.
+        """Read the trials of a gripper from one or more campaigns.
 
         Raises
         ------
@@ -55,8 +54,11 @@ class SimulatedTrials:
         table = pl.concat(tables)
         mine = (table["gripper"] == gripper).to_numpy()
         if not mine.any():
-            has = ", ".join(table["gripper"].unique().sort().to_list())
-            raise MismatchError(f"no simulated trial of the {gripper} gripper; there are of {has}")
+            available = ", ".join(table["gripper"].unique().sort().to_list())
+            raise MismatchError(
+                f"no simulated trial of the {gripper} gripper; there are trials of {available}",
+                parameters=("gripper", "simulated"),
+            )
         return cls(
             table["object"].to_numpy().astype(str)[mine],
             np.concatenate(errors)[mine],
@@ -64,29 +66,29 @@ class SimulatedTrials:
         )
 
     def select(self, which: Bool[ndarray, "n"]) -> SimulatedTrials:
-        """Some of the trials."""
+        """Select trials by mask."""
         return SimulatedTrials(self.objects[which], self.obj_T_est[which], self.success[which])
 
 
 @dataclass(frozen=True, eq=False)
 class TrainingData:
-    """Instances, what is true of them, and what came of grasping them with one gripper.
+    """Instances with the outcomes of grasping them, for one principal and gripper.
 
     Attributes
     ----------
     estimates
-        Poses by all estimators.
+        Poses of n instances by K estimators.
     principal
         The estimator whose grasps are to be forecast.
     gripper
         The gripper.
     truth
-        ``cam_T_obj``, NaN where it is not known, (n, 4, 4).
+        True poses ``cam_T_obj``, metres, NaN where unknown, (n, 4, 4).
     success
-        What came of the grasp that each estimator guided: 1, 0, or NaN where it was not tried, (K,
-        n), in the estimators' order.
+        Outcomes of the grasps that each estimator guided: 1, 0, or NaN where not tried, (K, n), in
+        the estimators' order.
     simulated
-        Simulated trials by the error that guided them, of this gripper.
+        Simulated trials of the gripper, or None.
     """
 
     estimates: Estimates
@@ -96,8 +98,73 @@ class TrainingData:
     success: Float[ndarray, "k n"]
     simulated: SimulatedTrials | None = None
 
+    @classmethod
+    def join(
+        cls,
+        estimates: Estimates,
+        outcomes: pl.DataFrame | None,
+        principal: str,
+        gripper: str,
+        *,
+        truth: Float[ndarray, "n 4 4"] | None = None,
+        simulated: SimulatedTrials | None = None,
+    ) -> TrainingData:
+        """Join estimates with outcomes, and where known with ground truth and simulated trials.
+
+        Detections of several instances of an object in an image are numbered by the principal's
+        scores, so the other estimators' outcomes are used only where an object appears once.
+
+        Parameters
+        ----------
+        estimates
+            Poses by K estimators.
+        outcomes
+            As :func:`graspcast.estimates.outcomes.read_outcomes` returns them, or None.
+        principal
+            The estimator whose grasps are to be forecast.
+        gripper
+            The gripper.
+        truth
+            ``cam_T_obj``, NaN where unknown (:func:`graspcast.estimates.matching.true_poses`).
+        simulated
+            Simulated trials of the gripper.
+
+        Raises
+        ------
+        UnknownNameError
+            For a principal or gripper that is not there.
+        MismatchError
+            If there are outcomes, but no instance has one of the principal.
+        """
+        estimates.index(principal)
+        success = np.full((len(estimates.estimators), len(estimates)), np.nan)
+        if outcomes is not None:
+            _check_gripper(outcomes, gripper)
+            image = ["dataset", "scene_id", "im_id", "obj_id"]
+            outcomes = with_optional(outcomes)
+            alone = outcomes.filter(pl.col("est_id").fill_null(0).max().over(image) == 0)
+            for k, name in enumerate(estimates.estimators):
+                table = outcomes if name == principal else alone
+                success[k] = success_of_each(estimates.instances, table, name, gripper)
+        if truth is None:
+            truth = np.full((len(estimates), 4, 4), np.nan)
+        data = cls(estimates, principal, gripper, truth, success, simulated)
+        if outcomes is not None and not data.is_tried.any():
+            known = outcomes.select("estimator", "dataset").unique().sort("estimator", "dataset")
+            pairs = ", ".join(f"{e} on {d}" for e, d in known.rows())
+            raise MismatchError(
+                f"{data._untried}; there are outcomes of {pairs or 'nothing'}",
+                parameters=("outcomes", "principal"),
+            )
+        return data
+
     def __len__(self) -> int:
         return len(self.estimates)
+
+    @property
+    def objects(self) -> ndarray:
+        """``dataset-number`` of each instance's object, (n,)."""
+        return self.estimates.objects
 
     @property
     def has_truth(self) -> Bool[ndarray, "n"]:
@@ -105,30 +172,34 @@ class TrainingData:
         return np.isfinite(self.truth).all(axis=(1, 2))
 
     @property
-    def samples(self) -> Samples:
-        """The instances that were tried with the principal's estimate.
+    def own_success(self) -> Float[ndarray, "n"]:
+        """Outcomes of the grasps that the principal guided: 1, 0, or NaN where not tried."""
+        return self.success[self.estimates.index(self.principal)]
+
+    @property
+    def is_tried(self) -> Bool[ndarray, "n"]:
+        """Which instances have an outcome of a grasp that the principal guided."""
+        return ~np.isnan(self.own_success)
+
+    @property
+    def _untried(self) -> str:
+        return f"no instance has an outcome of {self.principal} with the {self.gripper} gripper"
+
+    def tried(self) -> TrainingData:
+        """Select the instances on which a grasp guided by the principal was tried.
 
         Raises
         ------
         MismatchError
             If there are none.
         """
-        mine = self.success[self.estimates.index(self.principal)]
-        has = ~np.isnan(mine)
-        if not has.any():
-            raise MismatchError(
-                f"no instance has an outcome of {self.principal} with the {self.gripper} gripper"
-            )
-        return Samples(
-            self.estimates.select(has),
-            self.principal,
-            self.gripper,
-            mine[has] == 1,
-            int((~has).sum()),
-        )
+        is_tried = self.is_tried
+        if not is_tried.any():
+            raise MismatchError(self._untried, parameters=("outcomes",))
+        return self.select(is_tried)
 
     def select(self, which: Bool[ndarray, "n"] | Int[ndarray, "m"]) -> TrainingData:
-        """Some of the instances, with all simulated trials."""
+        """Select instances by mask or number; all simulated trials stay."""
         return replace(
             self,
             estimates=self.estimates.select(which),
@@ -137,7 +208,7 @@ class TrainingData:
         )
 
     def only(self, *estimators: str) -> TrainingData:
-        """What would be known had there been only these estimators: their poses and outcomes.
+        """Return the data without the poses and outcomes of all other estimators.
 
         Raises
         ------
@@ -154,61 +225,9 @@ class TrainingData:
         return replace(self, estimates=self.estimates.only(*estimators), success=self.success[rows])
 
 
-def training_data(
-    estimates: Estimates,
-    outcomes: pl.DataFrame | None,
-    principal: str,
-    gripper: str,
-    *,
-    truth: Float[ndarray, "n 4 4"] | None = None,
-    simulated: SimulatedTrials | None = None,
-) -> TrainingData:
-    """Put together what is known of some instances.
-
-    Parameters
-    ----------
-    estimates
-        Poses by K estimators.
-    outcomes
-        As :func:`graspcast.estimates.outcomes.read_outcomes` returns them, or None.
-    principal
-        Whose grasps are to be forecast.
-    gripper
-        The gripper.
-    truth
-        ``cam_T_obj``, NaN where unknown; from :func:`~graspcast.estimates.matching.true_poses`.
-    simulated
-        Simulated trials of the gripper.
-
-    Raises
-    ------
-    UnknownNameError
-        For a principal or gripper that is not there.
-    """
-    estimates.index(principal)
-    success = np.full((len(estimates.estimators), len(estimates)), np.nan)
-    if outcomes is not None:
-        grippers = outcomes["gripper"].unique().sort().to_list()
-        if gripper not in grippers:
-            raise UnknownNameError("gripper", gripper, grippers, hint="These have outcomes")
-        # Detections of several instances are numbered by the principal's scores; the same number
-        # may mean another instance in the outcomes of another estimator.
-        image = ["dataset", "scene_id", "im_id", "obj_id"]
-        alone = outcomes.filter(pl.col("est_id").fill_null(0).max().over(image) == 0)
-        for k, name in enumerate(estimates.estimators):
-            table = outcomes if name == principal else alone
-            success[k] = success_of_each(estimates.instances, table, name, gripper)
-    if truth is None:
-        truth = np.full((len(estimates), 4, 4), np.nan)
-    return TrainingData(estimates, principal, gripper, truth, success, simulated)
-
-
-def as_training_data(given: Samples | TrainingData) -> TrainingData:
-    """Samples as lessons without ground truth, of the principal's outcomes alone."""
-    if isinstance(given, TrainingData):
-        return given
-    estimates = given.estimates
-    success = np.full((len(estimates.estimators), len(estimates)), np.nan)
-    success[estimates.index(given.principal)] = given.success
-    truth = np.full((len(estimates), 4, 4), np.nan)
-    return TrainingData(estimates, given.principal, given.gripper, truth, success)
+def _check_gripper(outcomes: pl.DataFrame, gripper: str) -> None:
+    grippers = outcomes["gripper"].unique().sort().to_list()
+    if gripper not in grippers:
+        raise UnknownNameError(
+            "gripper", gripper, grippers, hint="These have outcomes", parameters=("gripper",)
+        )

@@ -37,6 +37,7 @@ _IN_WORDS = {
     int: "a whole number",
     list: "a list",
     dict: "a table",
+    bool: "true or false",
 }
 
 _REQUIRED: Any = object()

@@ -1,8 +1,8 @@
-"""The paper's four ways of pooling what a network is trained on, and how a checkpoint is chosen.
+"""The paper's four network configurations, and three ways to select a checkpoint.
 
-A *cell* is one (principal, object, gripper). Section III-C: ``MLP`` trains one network a cell;
-``MLP-O`` pools objects, ``MLP-G`` grippers, ``MLP-OG`` both, each with a one-hot vector that says
-which is meant. Protocols, by which every figure is named:
+A *cell* is one (principal, object, gripper). Section III-C: ``MLP`` trains one network for each
+cell; ``MLP-O`` pools objects, ``MLP-G`` grippers, ``MLP-OG`` both, with one-hot vectors of object
+and gripper as further inputs. Protocols of checkpoint selection:
 
 - ``paper``: the checkpoint with the best accuracy **on the test set**; where objects are pooled,
   one for each object. Optimistic; it is what the paper's Table III reports.
@@ -13,7 +13,7 @@ which is meant. Protocols, by which every figure is named:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -23,8 +23,15 @@ from numpy import ndarray
 
 from graspcast.forecasting.models.encoding import one_hot
 from graspcast.forecasting.models.mlp.train import train
-from graspcast.forecasting.models.mlp.types import Checkpoint, MlpSettings, Problem, Trained, Watch
-from graspcast.forecasting.splits import validation_part
+from graspcast.forecasting.models.mlp.types import (
+    Checkpoint,
+    MlpSettings,
+    Problem,
+    Trained,
+    ValidationSet,
+)
+from graspcast.forecasting.splits import validation_mask
+from graspcast.io.progress import Progress
 
 __all__ = [
     "CONFIGURATIONS",
@@ -52,7 +59,7 @@ class Configuration:
     pools_grippers: bool
 
     def pool(self, key: CellKey) -> tuple[str, str, str]:
-        """What the cells that share a network have in common."""
+        """Return the key of the network that a cell shares."""
         principal, name, gripper = key
         return (
             principal,
@@ -74,7 +81,7 @@ CONFIGURATIONS: Mapping[str, Configuration] = {
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """The samples of one (principal, object, gripper).
+    """Features and outcomes of one (principal, object, gripper).
 
     Attributes
     ----------
@@ -83,7 +90,7 @@ class Cell:
     success
         Outcomes, (n,).
     is_train
-        Which of them are for training, the rest being for testing, (n,).
+        Which of them are for training; the others are for testing, (n,).
     """
 
     features: Float[ndarray, "n d"]
@@ -98,9 +105,9 @@ def run(
     seed: int,
     protocols: Iterable[Protocol] = PROTOCOLS,
     settings: MlpSettings | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> dict[Protocol, dict[CellKey, Float[ndarray, "test"]]]:
-    """Train a configuration on every cell; probabilities of each cell's test samples, in order.
+    """Train a configuration on every cell, and forecast each cell's test samples, in order.
 
     Parameters
     ----------
@@ -109,13 +116,13 @@ def run(
     cells
         Every cell; each needs training and test samples.
     seed
-        Of initial weights, the order of samples, and the validation part.
+        Of initial weights, the order of samples, and the validation set.
     protocols
-        Which ones to train for (``paper`` and ``last`` share their networks).
+        Protocols of checkpoint selection (``paper`` and ``last`` share their networks).
     settings
-        The optimiser's; by default the paper's.
+        Architecture and optimiser; by default the paper's.
     progress
-        Called with the share of the work that is done.
+        Called with the share of the work that is done and a message.
     """
     pools: dict[tuple[str, str, str], list[CellKey]] = {}
     for key in cells:
@@ -137,7 +144,7 @@ def run(
         if whole:
             _collect(out, configuration, keys, cells, objects, trained[i])
         if "validated" in wanted:
-            chosen = trained[i + len(pools) * bool(whole)].watched[1].lowest_loss
+            chosen = trained[i + len(pools) * bool(whole)].validation[1].lowest_loss
             _share(out["validated"], keys, cells, chosen.probabilities[0])
     return out
 
@@ -166,20 +173,20 @@ def _problem(
     held_out: bool,
     seed: int,
 ) -> Problem:
-    """One network's samples: watch 0 is the test set, watch 1 the validation part if any."""
+    """Collect one network's samples; validation set 0 is the test set, 1 a held-out fifth."""
     inputs = np.concatenate(data)
     success = np.concatenate([cells[k].success for k in keys])
     is_train = np.concatenate([cells[k].is_train for k in keys])
     cell = np.repeat(np.arange(len(keys)), [len(cells[k].success) for k in keys])
     group = np.array([objects.index(k[1]) for k in keys])[cell]
-    watch = [Watch(inputs[~is_train], success[~is_train], group[~is_train])]
+    validation = [ValidationSet(inputs[~is_train], success[~is_train], group[~is_train])]
     if held_out:
         part = np.zeros_like(is_train)
         strata = 2 * cell[is_train] + success[is_train]
-        part[is_train] = validation_part(strata, seed)
-        watch.append(Watch(inputs[part], success[part]))
+        part[is_train] = validation_mask(strata, seed)
+        validation.append(ValidationSet(inputs[part], success[part]))
         is_train = is_train & ~part
-    return Problem(inputs[is_train], success[is_train], watch=tuple(watch), seed=seed)
+    return Problem(inputs[is_train], success[is_train], validation=tuple(validation), seed=seed)
 
 
 def _collect(
@@ -194,11 +201,11 @@ def _collect(
         _share(out["last"], keys, cells, trained.last.probabilities[0])
     if "paper" not in out:
         return
-    seen = trained.watched[0]
+    on_test = trained.validation[0]
     for key in keys:
-        best: Checkpoint = seen.best
+        best: Checkpoint = on_test.best
         if configuration.pools_objects:
-            best = seen.best_by_group[objects.index(key[1])]
+            best = on_test.best_by_group[objects.index(key[1])]
         every: dict[CellKey, ndarray] = {}
         _share(every, keys, cells, best.probabilities[0])
         out["paper"][key] = every[key]
@@ -210,7 +217,7 @@ def _share(
     cells: Mapping[CellKey, Cell],
     probability: Float[ndarray, "n"],
 ) -> None:
-    """Give each cell its part of the pool's test probabilities."""
+    """Split a pool's test probabilities into those of each cell."""
     sizes: Int[ndarray, "cells"] = np.array([int((~cells[k].is_train).sum()) for k in keys])
     parts = np.split(probability, np.cumsum(sizes)[:-1])
     out.update(zip(keys, parts, strict=True))

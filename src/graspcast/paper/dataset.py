@@ -1,7 +1,7 @@
-"""The published data (``--data DIR``): estimates, ground truth, outcomes and the authors' split.
+"""The published data: estimates, ground truth, outcomes and the authors' split.
 
-The layout is that of ``graspcast import-release``, in ``DIR/published`` or ``DIR`` itself, and
-BOP dataset directories for the object models in ``DIR/bop``::
+The imported release (:mod:`graspcast.paper.release`) lies in ``DIR/published`` or ``DIR`` itself,
+BOP dataset directories with the object models in ``DIR/bop``::
 
     DIR/published/lmo/{epos,gdrnpp,zebrapose}_lmo-test.csv, trials.csv, split.csv, ground_truth/
     DIR/bop/lmo/models_eval/obj_000001.ply …
@@ -26,7 +26,7 @@ from graspcast.bop.results import read_results
 from graspcast.errors import InputError
 from graspcast.estimates.alignment import Estimates, align, concatenate
 from graspcast.estimates.outcomes import read_all_outcomes
-from graspcast.forecasting.samples import Samples, join
+from graspcast.forecasting.training_data import TrainingData
 from graspcast.paper.published_split import published_part, read_split
 
 __all__ = ["DATASETS", "ESTIMATORS", "GRIPPERS", "OBJECTS", "Published"]
@@ -56,20 +56,20 @@ OBJECTS = {
 
 @dataclass(frozen=True)
 class Published:
-    """The published data in a directory, read when asked for.
+    """The published data in a directory, read on first use.
 
     Parameters
     ----------
     directory
-        Where it is.
+        The directory.
     outcomes
-        Outcomes of one's own (a campaign's directory, Parquet or CSV) instead of the published
+        Outcomes of one's own (a campaign's directory, Parquet or CSV) in place of the published
         ones.
 
     Raises
     ------
     InputError
-        If the directory is not one.
+        If it is not a directory of the published data.
     """
 
     directory: Path
@@ -82,18 +82,19 @@ class Published:
         object.__setattr__(self, "own_outcomes", tuple(map(Path, outcomes)))
         if not (self.files / "lmo" / "trials.csv").is_file():
             raise InputError(
-                f"{directory}: no published/lmo/trials.csv here; --data takes a directory that "
-                "holds what 'graspcast import-release' writes (as published/) and bop/"
+                f"{directory}: no published/lmo/trials.csv here; the directory must hold the "
+                "imported release (published/) and bop/",
+                parameters=("data",),
             )
 
     @property
     def files(self) -> Path:
-        """Where the datasets' folders lie."""
+        """The directory of the datasets' folders."""
         inner = self.directory / "published"
         return inner if inner.is_dir() else self.directory
 
     def results_path(self, estimator: str, dataset: str) -> Path:
-        """The results CSV of an estimator."""
+        """Return the path of the results CSV of an estimator."""
         return self.files / dataset / f"{estimator}_{dataset}-test.csv"
 
     @cached_property
@@ -140,7 +141,7 @@ class Published:
         """The authors' split of each principal and gripper."""
         return pl.concat([read_split(self.files / name / "split.csv") for name in DATASETS])
 
-    def samples(self, principal: str, gripper: str) -> tuple[Samples, ndarray]:
-        """The samples of a principal and gripper, and each one's part: train or test."""
-        samples = join(self.estimates, self.outcomes, principal, gripper)
-        return samples, published_part(samples, self.split)
+    def tried(self, principal: str, gripper: str) -> tuple[TrainingData, ndarray]:
+        """Return the tried instances of a principal and gripper, and the split of each."""
+        data = TrainingData.join(self.estimates, self.outcomes, principal, gripper).tried()
+        return data, published_part(data.estimates, principal, gripper, self.split)

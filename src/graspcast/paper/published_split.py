@@ -1,15 +1,16 @@
-"""TODO."""
+"""The train-test split that the paper's authors published."""
 
 from __future__ import annotations
 
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 from numpy import ndarray
 
 from graspcast.errors import FormatError
-from graspcast.forecasting.samples import Samples, _keys
+from graspcast.estimates.alignment import Estimates
 
 __all__ = ["published_part", "read_split"]
 
@@ -35,12 +36,16 @@ def read_split(path: str | PathLike[str]) -> pl.DataFrame:
     return frame.select(columns)
 
 
-def published_part(samples: Samples, split: pl.DataFrame) -> ndarray:
-    """``train``, ``test`` or an empty string for each sample, by its principal and gripper."""
-    mine = split.filter(
-        pl.col("principal") == samples.principal, pl.col("gripper") == samples.gripper
-    )
-    keys = _keys(samples.estimates)
-    on = ["dataset", "scene_id", "im_id", "obj_id"]
-    part = keys.join(mine.select(*on, "split"), on=on, how="left", maintain_order="left")["split"]
-    return part.fill_null("").to_numpy().astype(str)
+def published_part(
+    estimates: Estimates, principal: str, gripper: str, split: pl.DataFrame
+) -> ndarray:
+    """Look up each instance in the split of a principal and gripper.
+
+    Returns
+    -------
+        ``train``, ``test`` or, for an instance that the split does not have, an empty string, (n,).
+    """
+    mine = split.filter(pl.col("principal") == principal, pl.col("gripper") == gripper)
+    rows = mine.select("dataset", "scene_id", "im_id", "obj_id", "split").rows()
+    part = {row[:4]: row[4] for row in rows}
+    return np.array([part.get(key[:4], "") for key in estimates.instances.to_keys()], dtype=str)

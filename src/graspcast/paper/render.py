@@ -1,4 +1,4 @@
-"""The reproduced tables as Markdown: paper | ours | difference."""
+"""The reproduced tables as Markdown: paper, ours, difference."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NAMES = {"epos": "EPOS", "gdrnpp": "GDRNPP", "zebrapose": "ZebraPose", "average
 
 
 def _triple(paper: float | None, ours: float | None, digits: int) -> list[str]:
-    """Paper, ours, and the difference."""
+    """Format the paper's figure, ours, and the difference."""
     if paper is None or ours is None:
         return [_NONE if v is None else f"{v:.{digits}f}" for v in (paper, ours)] + [_NONE]
     return [f"{paper:.{digits}f}", f"{ours:.{digits}f}", f"{ours - paper:+.{digits}f}"]
@@ -70,7 +70,7 @@ def _table3(ours: dict[str, Any], paper: dict[str, Any]) -> str:
     return table(header, rows)
 
 
-def _honest(found: dict[str, Any]) -> str:
+def _by_protocol(found: dict[str, Any]) -> str:
     ours = found["table3"]
     rows = []
     for method in ("baseline", *CONFIGURATIONS):
@@ -103,7 +103,7 @@ def _deviating(note: dict[str, Any]) -> str:
 
 
 def render(found: dict[str, Any]) -> str:
-    """What :func:`graspcast.paper.tables.reproduce` returns, as a Markdown document."""
+    """Format the result of :func:`graspcast.paper.tables.reproduce` as a Markdown document."""
     paper = paper_tables()
     seeds = found["seeds"]
     return "\n\n".join(
@@ -115,14 +115,14 @@ def render(found: dict[str, Any]) -> str:
             "## Table III: accuracy of success prediction, averaged over objects",
             f"Networks: mean of {seeds} seed{'s' if seeds > 1 else ''}, protocol `paper`: the "
             "checkpoint with the best accuracy on the test set (for each object where objects are "
-            "pooled). This choice sees the test outcomes.",
+            "pooled). This selection uses the test outcomes, so it is optimistic.",
             _table3(found["table3"], paper["table3"]),
             _deviating(found["baseline"]),
-            "## Below Table III: the same networks by honest protocols",
+            "## Table III without selection on the test set",
             "Average over principals. `last`: after the final epoch; `validated`: trained without "
             "a fifth of the training set, the checkpoint with the lowest loss on it. The baseline "
-            "and the majority guess have nothing to choose.",
-            _honest(found),
+            "and the majority guess have no checkpoints.",
+            _by_protocol(found),
             f"Computed in {found['seconds']:.0f} s.",
         ]
     )

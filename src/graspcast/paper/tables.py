@@ -1,10 +1,10 @@
-"""The paper's tables I to III beside ours, and below Table III the honest protocols."""
+"""Reproduction of the paper's Tables I to III, and of Table III by other protocols."""
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from typing import Any
 
@@ -15,6 +15,7 @@ from graspcast.bop.results import read_results
 from graspcast.estimates.error_tables import measure
 from graspcast.forecasting.features import consensus_features, mean_add
 from graspcast.forecasting.models.add_threshold import fit_thresholds, predict_below
+from graspcast.io.progress import Progress, step_of
 from graspcast.paper.configurations import CONFIGURATIONS, Cell, CellKey, run
 from graspcast.paper.dataset import DATASETS, ESTIMATORS, GRIPPERS, OBJECTS, Published
 from graspcast.paper.release import read_add_differences
@@ -26,14 +27,14 @@ Averages = dict[str, Any]
 
 
 def paper_tables() -> dict[str, Any]:
-    """The printed numbers of the paper's Tables I to III; None where the paper has a dash."""
+    """Return the paper's Tables I to III as printed; None where the paper has a dash."""
     text = files("graspcast.paper").joinpath("paper_tables.json").read_text(encoding="utf-8")
     tables: dict[str, Any] = json.loads(text)
     return tables
 
 
 def table1(outcomes: pl.DataFrame) -> dict[str, dict[str, dict[str, float | None]]]:
-    """Success rate of each object, estimator and gripper, over all of the estimator's trials."""
+    """Compute the success rate of each object, estimator and gripper, over all trials."""
     rates = outcomes.group_by("dataset", "obj_id", "estimator", "gripper").agg(
         pl.col("success").mean()
     )
@@ -45,10 +46,10 @@ def table1(outcomes: pl.DataFrame) -> dict[str, dict[str, dict[str, float | None
 
 
 def table2(data: Published) -> dict[str, dict[str, dict[str, float]]]:
-    """Mean rotation and translation error and success rate, over objects, of each estimator.
+    """Compute each estimator's mean rotation and translation error and success rate over objects.
 
-    Over all estimates of an estimator, not only over the instances that all three found, and with
-    the identity poses that stand for 'nothing found', as the paper has it.
+    As in the paper, over all estimates of an estimator, not only over the instances that all three
+    found, and including the identity poses that stand for 'nothing found'.
     """
     rates = table1(data.outcomes)
     out: dict[str, dict[str, dict[str, float]]] = {}
@@ -61,8 +62,8 @@ def table2(data: Published) -> dict[str, dict[str, dict[str, float]]]:
             means = errors.group_by("obj_id").mean()
             row = {m: float(np.mean(means[m].to_numpy())) for m in _TABLE2_MEASURES}
             for gripper in GRIPPERS:
-                held = [rates[name][estimator][gripper] for name in names]
-                row[gripper] = float(np.mean([h for h in held if h is not None]))
+                found = [rates[name][estimator][gripper] for name in names]
+                row[gripper] = float(np.mean([rate for rate in found if rate is not None]))
             out.setdefault(dataset, {})[estimator] = row
     return out
 
@@ -73,15 +74,15 @@ _TABLE2_MEASURES = ("rotation_deg", "translation_mm")
 def _cells(data: Published) -> dict[CellKey, Cell]:
     cells = {}
     for principal, gripper in _pairs():
-        samples, part = data.samples(principal, gripper)
+        tried, part = data.tried(principal, gripper)
         used = part != ""
-        samples, part = samples.select(used), part[used]
-        values = consensus_features(samples.estimates, principal).values
-        objects = samples.objects
+        tried, part = tried.select(used), part[used]
+        values = consensus_features(tried.estimates, principal).values
+        objects, success = tried.objects, tried.own_success == 1
         for name in (n for n in OBJECTS if n in set(objects.tolist())):
             mine = objects == name
             is_train = part[mine] == "train"
-            cells[principal, name, gripper] = Cell(values[mine], samples.success[mine], is_train)
+            cells[principal, name, gripper] = Cell(values[mine], success[mine], is_train)
     return cells
 
 
@@ -90,7 +91,7 @@ def _pairs() -> Iterator[tuple[str, str]]:
 
 
 def _average(accuracy: Mapping[CellKey, float]) -> Averages:
-    """Over objects for each principal and gripper, then over principals."""
+    """Average over objects for each principal and gripper, then over principals."""
     by_principal: dict[str, dict[str, float]] = {}
     for principal, gripper in _pairs():
         mine = [a for (p, _, g), a in accuracy.items() if (p, g) == (principal, gripper)]
@@ -102,7 +103,7 @@ def _average(accuracy: Mapping[CellKey, float]) -> Averages:
 def baseline_accuracy(
     data: Published, released: Mapping[tuple[str, str, int, int, int], float] | None = None
 ) -> dict[CellKey, float]:
-    """Test accuracy of the ADD threshold in each cell.
+    """Compute the test accuracy of the ADD threshold in each cell.
 
     Parameters
     ----------
@@ -114,29 +115,23 @@ def baseline_accuracy(
     """
     out: dict[CellKey, float] = {}
     for principal, gripper in _pairs():
-        samples, part = data.samples(principal, gripper)
-        estimates, objects = samples.estimates, samples.objects
+        tried, part = data.tried(principal, gripper)
+        estimates, objects, success = tried.estimates, tried.objects, tried.own_success == 1
         if released is None:
             disagreement = mean_add(estimates, principal, data.models)
         else:
-            keys = zip(
-                estimates.dataset.tolist(),
-                estimates.scene_id.tolist(),
-                estimates.im_id.tolist(),
-                estimates.obj_id.tolist(),
-                strict=True,
-            )
+            keys = [key[:4] for key in estimates.instances.to_keys()]
             disagreement = np.array([released[principal, *key] for key in keys])
         train, test = part == "train", part == "test"
-        learned = fit_thresholds(disagreement[train], samples.success[train], objects[train])
-        right = predict_below(disagreement, learned, objects) == samples.success
-        for name in learned:
-            out[principal, name, gripper] = float(right[test & (objects == name)].mean())
+        thresholds = fit_thresholds(disagreement[train], success[train], objects[train])
+        correct = predict_below(disagreement, thresholds, objects) == success
+        for name in thresholds:
+            out[principal, name, gripper] = float(correct[test & (objects == name)].mean())
     return out
 
 
 def table3_baseline(data: Published) -> tuple[Averages, dict[str, Any]]:
-    """The baseline's averages, and how our meshes' ADD compares with the authors'.
+    """Compute the baseline's averages, and compare ADD from the meshes with the authors' values.
 
     The released ADD differences are used where ``raw/`` has them, else ADD from the meshes.
     """
@@ -156,25 +151,23 @@ def table3_baseline(data: Published) -> tuple[Averages, dict[str, Any]]:
 def table3_networks(
     cells: Mapping[CellKey, Cell],
     seeds: int,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> dict[str, dict[str, Averages]]:
-    """Averages of the four network configurations by protocol, each the mean over seeds."""
+    """Average each network configuration by protocol; each figure is the mean over seeds."""
     truth = {key: cell.success[~cell.is_train] for key, cell in cells.items()}
     out: dict[str, dict[str, Averages]] = {}
-    for name, configuration in CONFIGURATIONS.items():
+    for i, (name, configuration) in enumerate(CONFIGURATIONS.items()):
         accuracy: dict[str, dict[CellKey, list[float]]] = {}
         for seed in range(seeds):
-
-            def step(share: float, name: str = name, seed: int = seed) -> None:
-                if progress is not None:
-                    progress(name, (seed + share) / seeds)
-
+            step = step_of(
+                progress, i * seeds + seed, len(CONFIGURATIONS) * seeds, f"training {name}"
+            )
             found = run(configuration, cells, seed=seed, progress=step)
             for protocol, probabilities in found.items():
-                seen = accuracy.setdefault(protocol, {})
+                by_cell = accuracy.setdefault(protocol, {})
                 for key, probability in probabilities.items():
-                    right = (probability > 0.5) == truth[key]
-                    seen.setdefault(key, []).append(float(right.mean()))
+                    correct = (probability > 0.5) == truth[key]
+                    by_cell.setdefault(key, []).append(float(correct.mean()))
         out[name] = {
             protocol: _average({key: float(np.mean(values)) for key, values in cell.items()})
             for protocol, cell in accuracy.items()
@@ -186,9 +179,18 @@ def reproduce(
     data: Published,
     *,
     seeds: int = 1,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Tables I, II and III from the published data.
+    """Compute Tables I, II and III from the published data.
+
+    Parameters
+    ----------
+    data
+        The published data.
+    seeds
+        Number of seeds with which networks are trained.
+    progress
+        Called with the share of the training that is done and a message.
 
     Returns
     -------
@@ -213,7 +215,7 @@ def reproduce(
 
 
 def _majority(cells: Mapping[CellKey, Cell]) -> dict[CellKey, float]:
-    """Test accuracy of guessing each cell's more frequent training outcome."""
+    """Compute the test accuracy of each cell's more frequent training outcome."""
     out = {}
     for key, cell in cells.items():
         guess = cell.success[cell.is_train].mean() >= 0.5

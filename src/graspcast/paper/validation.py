@@ -1,26 +1,77 @@
-"""How simulated outcomes compare with the published ones: every cell, and the paper's Table I."""
+"""Validation of the simulation: simulated against published outcomes, and the paper's Table I."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from os import PathLike
 from typing import Any
 
 import numpy as np
 import polars as pl
 
-from graspcast.estimates.image_split import PARTS
+from graspcast.bop.results import read_results
+from graspcast.estimates.image_split import SPLITS
 from graspcast.estimates.outcomes import TRIAL_COLUMNS
 from graspcast.io.markdown import table
-from graspcast.paper.dataset import ESTIMATORS, GRIPPERS, OBJECTS
+from graspcast.paper.dataset import DATASETS, ESTIMATORS, GRIPPERS, OBJECTS, Published
 from graspcast.paper.tables import paper_tables, table1
+from graspcast.simulation.campaign.campaign import run_campaign
+from graspcast.simulation.campaign.executors import Executor
+from graspcast.simulation.campaign.jobs import load_setups
 from graspcast.simulation.grasps.agreement import agreement
-from graspcast.simulation.grasps.observed_trials import ObservedTrials
+from graspcast.simulation.grasps.evaluation import held_under_jitter
+from graspcast.simulation.grasps.observed_trials import ObservedTrials, observed_trials
 from graspcast.simulation.grasps.table import GraspTable
 
-__all__ = ["compare", "render_cells", "render_table1", "summary"]
+__all__ = ["compare", "published_trials", "render_cells", "render_table1", "summary", "validate"]
 
 _OPEN_RATES = (0.1, 0.9)
+
+
+def published_trials(data: Published) -> ObservedTrials:
+    """Return the published trials: estimates, ground truth and outcomes."""
+    # The paper's tables count placeholders for 'nothing found' as estimates.
+    results = {
+        name: {e: read_results(data.results_path(e, name), placeholders=True) for e in ESTIMATORS}
+        for name in DATASETS
+    }
+    return observed_trials(results, data.bop, data.outcomes)
+
+
+def validate(
+    data: Published,
+    grasps: GraspTable,
+    out: str | PathLike[str],
+    *,
+    executor: Executor | None = None,
+    progress: Callable[[float, str], None] | None = None,
+) -> dict[str, Any]:
+    """Simulate every published trial and compare the outcomes; see :func:`compare`.
+
+    Parameters
+    ----------
+    data
+        The published data.
+    grasps
+        Reference grasps.
+    out
+        Directory of the campaign, which can be resumed.
+    executor
+        Where to compute; all cores of this machine if None.
+    progress
+        Called with the share done and a short message.
+    """
+    trials = published_trials(data)
+    bop_dirs = {name: dataset.root for name, dataset in data.bop.items()}
+    setups = load_setups(trials.requests, grasps, bop_dirs=bop_dirs)
+    outcomes = run_campaign(trials.requests, setups, out, executor=executor, progress=progress)
+    held = {}
+    for i, (key, setup) in enumerate(setups.items()):
+        if progress is not None:
+            progress(i / len(setups), "perfect estimates of {} by {}".format(*key))
+        held[key] = held_under_jitter(setup.runner(), setup.grasp)
+    return compare(trials, outcomes, grasps, held)
 
 
 def compare(
@@ -36,20 +87,20 @@ def compare(
     trials
         The published trials.
     outcomes
-        The campaign's outcomes of them.
+        Outcomes of the campaign.
     grasps
-        The reference grasps that were tried.
+        The reference grasps of the campaign.
     held
-        (object, gripper) to how many of 20 jittered perfect estimates were held.
+        Number of held estimates among 20 jittered perfect ones, by (object, gripper).
 
     Returns
     -------
-        ``cells."<object> by <gripper>"`` with the agreement on each part, counts of reasons on the
-        report part, and the grasp's own figures; ``table1.<object>.<estimator>.<gripper>``;
-        ``summary``.
+        ``cells."<object> by <gripper>"`` with the agreement on each split, counts of reasons on the
+        test split, and the grasp's own figures; ``table1.<object>.<estimator>.<gripper>``;
+        ``trials``; ``summary``.
     """
     keys = trials.requests.keys.with_columns(
-        given=pl.Series(trials.success), part=pl.Series(trials.part.astype(str))
+        given=pl.Series(trials.success), split=pl.Series(trials.split.astype(str))
     )
     joined = keys.join(
         outcomes.select(*TRIAL_COLUMNS, "success", "reason"), on=list(TRIAL_COLUMNS), how="inner"
@@ -61,11 +112,13 @@ def compare(
             if not len(mine):
                 continue
             cell: dict[str, Any] = {}
-            for part in PARTS:
-                rows = mine.filter(pl.col("part") == part)
-                cell[part] = asdict(agreement(rows["success"].to_numpy(), rows["given"].to_numpy()))
-            report = mine.filter(pl.col("part") == "report")
-            cell["reasons"] = dict(report["reason"].value_counts().sort("reason").rows())
+            for split in SPLITS:
+                rows = mine.filter(pl.col("split") == split)
+                cell[split] = asdict(
+                    agreement(rows["success"].to_numpy(), rows["given"].to_numpy())
+                )
+            test = mine.filter(pl.col("split") == "test")
+            cell["reasons"] = dict(test["reason"].value_counts().sort("reason").rows())
             cell["perfect_held"] = held[name, gripper]
             cell["grasp"] = dict(grasps(name, gripper).agreement)
             cells[f"{name} by {gripper}"] = cell
@@ -75,11 +128,11 @@ def compare(
 
 
 def summary(found: Mapping[str, Any]) -> dict[str, Any]:
-    """Means over cells on the report part, and the mean absolute difference from Table I."""
+    """Return means over cells on the test split, and the mean absolute difference from Table I."""
     cells = found["cells"]
-    reports = {name: cell["report"] for name, cell in cells.items()}
+    tests = {name: cell["test"] for name, cell in cells.items()}
     low, high = _OPEN_RATES
-    kappas = [r["kappa"] for r in reports.values() if low <= r["given_rate"] <= high]
+    kappas = [r["kappa"] for r in tests.values() if low <= r["given_rate"] <= high]
     paper = paper_tables()["table1"]
     differences = [
         abs(found["table1"][name][e][g] - paper[name][e][g])
@@ -90,28 +143,28 @@ def summary(found: Mapping[str, Any]) -> dict[str, Any]:
     ]
     return {
         "cells": len(cells),
-        "accuracy": float(np.mean([r["accuracy"] for r in reports.values()])),
-        "majority": float(np.mean([r["majority"] for r in reports.values()])),
+        "accuracy": float(np.mean([r["accuracy"] for r in tests.values()])),
+        "majority": float(np.mean([r["majority"] for r in tests.values()])),
         "kappa_open_cells": float(np.mean(kappas)) if kappas else None,
         "open_cells": len(kappas),
-        "below_majority": [n for n, r in reports.items() if r["accuracy"] < r["majority"]],
+        "below_majority": [n for n, r in tests.items() if r["accuracy"] < r["majority"]],
         "perfect_held_by_all": all(cell["perfect_held"] == 20 for cell in cells.values()),
         "table1_mean_absolute_difference": float(np.mean(differences)),
     }
 
 
 def render_cells(found: Mapping[str, Any]) -> str:
-    """The cells as a Markdown table."""
-    header = ["Object", "gripper", "fit", "choose", "report", "± s.e.", "majority", "κ"]
+    """Render the cells as a Markdown table."""
+    header = ["Object", "gripper", "train", "validation", "test", "± s.e.", "majority", "κ"]
     header += ["rate", "ours", "n", "blocked", "unstable", "perfect", "tried"]
     rows = []
     for pair, cell in found["cells"].items():
         name, gripper = pair.split(" by ")
-        report = cell["report"]
-        numbers = [cell["fit"]["accuracy"], cell["choose"]["accuracy"]]
-        numbers += [report[k] for k in ("accuracy", "standard_error", "majority", "kappa")]
-        numbers += [report["given_rate"], report["simulated_rate"]]
-        counts = [report["n"], *(cell["reasons"].get(r, 0) for r in ("blocked", "unstable"))]
+        test = cell["test"]
+        numbers = [cell["train"]["accuracy"], cell["validation"]["accuracy"]]
+        numbers += [test[k] for k in ("accuracy", "standard_error", "majority", "kappa")]
+        numbers += [test["given_rate"], test["simulated_rate"]]
+        counts = [test["n"], *(cell["reasons"].get(r, 0) for r in ("blocked", "unstable"))]
         rows.append(
             [OBJECTS[name], gripper, *(f"{x:.3f}" for x in numbers), *map(str, counts)]
             + [f"{cell['perfect_held']}/20", str(cell["grasp"].get("candidates", "-"))]
@@ -120,7 +173,7 @@ def render_cells(found: Mapping[str, Any]) -> str:
 
 
 def render_table1(found: Mapping[str, Any]) -> str:
-    """Table I as Markdown: paper | ours."""
+    """Render Table I as Markdown, the paper's rates beside ours."""
     paper, ours = paper_tables()["table1"], found["table1"]
     header = ["Object"]
     header += [

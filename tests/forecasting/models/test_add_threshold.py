@@ -1,4 +1,4 @@
-"""The ADD threshold: its rule by brute force, and all published cells."""
+"""The ADD threshold: its rule by exhaustive search, rates, and all published cells."""
 
 from __future__ import annotations
 
@@ -10,9 +10,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
 
 from graspcast.errors import InputError
-from graspcast.forecasting.models.add_threshold import fit_threshold, fit_thresholds, predict_below
+from graspcast.forecasting.models.add_threshold import (
+    Thresholds,
+    fit_threshold,
+    fit_thresholds,
+    predict_below,
+)
 from graspcast.paper.dataset import Published
 from graspcast.paper.release import read_add_differences
 from graspcast.paper.tables import baseline_accuracy
@@ -118,3 +124,35 @@ def test_add_from_the_meshes_deviates_in_five_cells_of_ycbv(
         "zebrapose/ycbv-4/parallel",
         "zebrapose/ycbv-5/parallel",
     }
+
+
+def problem(seed: int = 0, n: int = 150, objects: int = 3) -> tuple[np.ndarray, ...]:
+    """Features of very different sizes, outcomes, object numbers."""
+    rng = np.random.default_rng(seed)
+    x = rng.normal(size=(n, 4))
+    kind = np.arange(n) % objects
+    return x * [1e-3, 1, 1, 50] + [0, 5, 0, 0], x[:, 0] + x[:, 3] > 0, kind
+
+
+@given(st.integers(0, 200), st.integers(1, 4))
+def test_thresholds_give_the_rate_on_each_side(seed: int, objects: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = 10 * objects
+    value, kind, success = rng.random((n, 1)), np.arange(n) % objects, rng.random(n) < 0.6
+    fitted = Thresholds.fit(value, success, kind)
+    probability = fitted.probability(value, kind)
+    for k in range(objects):
+        mine = kind == k
+        threshold = fit_threshold(value[mine, 0], success[mine])
+        assert fitted.threshold[k] == threshold
+        for side in (value[:, 0] < threshold, value[:, 0] >= threshold):
+            held, tried = int(success[mine & side].sum()), int((mine & side).sum())
+            assert (probability[mine & side] == (held + 1) / (tried + 2)).all()
+    assert ((probability > 0) & (probability < 1)).all()
+
+
+def test_thresholds_come_back_from_their_arrays() -> None:
+    features, success, kind = problem()
+    fitted = Thresholds.fit(features, success, kind)
+    again = Thresholds.from_arrays(fitted.to_arrays())
+    assert_array_equal(again.probability(features, kind), fitted.probability(features, kind))

@@ -30,7 +30,7 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Models]:
 
 
 def learned(n: int = 160, **changes: object) -> TrainingData:
-    """Lessons in which object 2 has no outcomes but simulated trials."""
+    """Training data in which object 2 has no outcomes but simulated trials."""
     given = synthetic.training_data(n)
     success = np.where(given.estimates.obj_id == 1, given.success, np.nan)
     simulated = synthetic.error_outcomes(300, "d-2")
@@ -106,7 +106,7 @@ def test_without_truth_there_is_the_direct_forest_and_without_anything_an_error(
     blend = blend_of(trained(without, models, folds=0))
     assert blend.success_given_error is None
     assert blend.direct is not None
-    with pytest.raises(InputError, match="need ground truth of some images"):
+    with pytest.raises(InputError, match="no instance has a known true pose"):
         train_forecaster(without, method="two-stage", forests=QUICK, models=models)
 
 
@@ -135,7 +135,7 @@ def test_training_again_is_the_same_bit_by_bit_and_another_seed_is_not(
     assert (other != expected).any()
 
 
-def test_simulated_trials_of_what_was_tried_and_of_what_nobody_asked_for_do_not_matter(
+def test_simulated_trials_of_tried_objects_and_of_other_objects_do_not_matter(
     forecaster: Forecaster, models: dict[str, Models]
 ) -> None:
     given = learned()

@@ -1,4 +1,4 @@
-"""Two stages: draws from where truths lay, and their average survival, by a slow oracle."""
+"""The two-stage model: draws of the pose error and expected success, against plain loops."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def stages() -> tuple[ErrorModel, SuccessGivenError, np.ndarray, np.ndarray]:
     errors = ErrorModel.fit(features, truth, trees=TREES, seed=0)
     trials = nudged(np.tile(np.eye(4), (400, 1, 1)), 5, metres=0.03, radians=0.3)
     numbers = np.arange(400) % 2
-    # The second object forgives what the first does not.
+    # The second object succeeds with errors with which the first fails.
     success = synthetic.holds(trials) ^ (numbers == 1)
     success_given_error = SuccessGivenError.fit(
         trials, numbers, success, objects=2, trees=TREES, seed=0
@@ -83,7 +83,7 @@ def test_the_average_is_that_of_a_plain_loop(
         assert found[i] == pytest.approx(total / count, abs=1.01 / count)
 
 
-def test_with_all_judges_it_is_the_mean_over_draws_of_the_second_stage(
+def test_with_all_trees_it_is_the_mean_over_draws_of_the_second_stage(
     stages: tuple[ErrorModel, SuccessGivenError, np.ndarray, np.ndarray],
 ) -> None:
     errors, success_given_error, _, _ = stages
@@ -155,7 +155,7 @@ def test_a_row_alone_and_among_others_bit_by_bit(
     assert_array_equal(errors.draws(rows[0], 5)[3], errors.draws(rows[0][3:4], 5)[0])
 
 
-def test_the_second_stage_tells_objects_apart(
+def test_the_second_stage_distinguishes_objects(
     stages: tuple[ErrorModel, SuccessGivenError, np.ndarray, np.ndarray],
 ) -> None:
     success_given_error = stages[1]

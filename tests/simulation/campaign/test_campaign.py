@@ -2,39 +2,26 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
 
 import graspcast.errors
-from campaign_script import make_requests
-from graspcast.errors import (
-    CampaignStoppedError,
-    FormatError,
-    InputError,
-    MismatchError,
-    UnknownNameError,
-)
-from graspcast.estimates.outcomes import TRIAL_COLUMNS
-from graspcast.simulation.campaign.campaign import Progress, run_campaign
-from graspcast.simulation.campaign.executors import LocalExecutor, usable_cores
-from graspcast.simulation.campaign.jobs import TrialSetup, load_setups
+from graspcast.simulation.campaign.campaign import run_campaign
+from graspcast.simulation.campaign.executors import LocalExecutor
+from graspcast.simulation.campaign.jobs import TrialSetup
 from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.campaign.store import COLUMNS, Store
-from graspcast.simulation.grasps.table import read_grasps
-from graspcast.simulation.trial.trial import TrialSettings
 
 SCRIPT = Path(__file__).parents[2] / "campaign_script.py"
+
 ONE = LocalExecutor(1)
 
 
@@ -59,43 +46,22 @@ def _same_but_for_time(a: pl.DataFrame, b: pl.DataFrame) -> bool:
     return a.drop("computed_s").equals(b.drop("computed_s"))
 
 
-@pytest.fixture(scope="module")
-def requests() -> TrialRequests:
-    return make_requests(40)
-
-
-@pytest.fixture(scope="module")
-def pairs(requests: TrialRequests) -> dict[tuple[str, str], TrialSetup]:
-    return load_setups(requests, read_grasps())
-
-
-@pytest.fixture(scope="module")
-def complete(
-    requests: TrialRequests,
-    pairs: dict[tuple[str, str], TrialSetup],
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Path:
-    directory = tmp_path_factory.mktemp("campaigns") / "complete"
-    run_campaign(requests, pairs, directory, executor=ONE, sources={"epos": "a test"})
-    return directory
-
-
 def test_outcomes_are_those_of_the_trials_run_one_by_one(
-    complete: Path, requests: TrialRequests, pairs: dict[tuple[str, str], TrialSetup]
+    complete: Path, requests: TrialRequests, setups: dict[tuple[str, str], TrialSetup]
 ) -> None:
     outcomes = Store(complete).outcomes()
     assert dict(outcomes.schema) == COLUMNS
     assert 0.1 < outcomes["success"].mean() < 0.9  # type: ignore[operator]
-    pair = pairs["ycbv-4", "parallel"]
-    runner = pair.runner()
+    setup = setups["ycbv-4", "parallel"]
+    runner = setup.runner()
     for row in outcomes.sample(6, seed=1).iter_rows(named=True):
-        alone = runner.run(requests.obj_T_est[row["im_id"]], pair.grasp)
+        alone = runner.run(requests.obj_T_est[row["im_id"]], setup.grasp)
         assert (row["success"], row["reason"]) == (alone.success, alone.reason)
         assert (row["offset_m"], row["steps"]) == (alone.offset_m, alone.steps)
 
 
 def test_a_complete_campaign_is_four_files_and_is_not_run_again(
-    complete: Path, requests: TrialRequests, pairs: dict[tuple[str, str], TrialSetup]
+    complete: Path, requests: TrialRequests, setups: dict[tuple[str, str], TrialSetup]
 ) -> None:
     assert {p.name for p in complete.glob("[!.]*")} == {
         "manifest.json",
@@ -103,18 +69,18 @@ def test_a_complete_campaign_is_four_files_and_is_not_run_again(
         "README.md",
     }
     before = Store(complete).outcomes()
-    again = run_campaign(requests, pairs, complete, executor=ONE)
+    again = run_campaign(requests, setups, complete, executor=ONE)
     assert again.equals(before)  # even to the seconds it took
 
 
 def test_order_does_not_matter(
     complete: Path,
     requests: TrialRequests,
-    pairs: dict[tuple[str, str], TrialSetup],
+    setups: dict[tuple[str, str], TrialSetup],
     tmp_path: Path,
 ) -> None:
     shuffled = requests.select(np.random.default_rng(0).permutation(len(requests)))
-    outcomes = run_campaign(shuffled, pairs, tmp_path / "out", executor=ONE)
+    outcomes = run_campaign(shuffled, setups, tmp_path / "out", executor=ONE)
     assert _same_but_for_time(outcomes, Store(complete).outcomes())
     first, second = (
         json.loads((d / "manifest.json").read_text()) for d in (complete, tmp_path / "out")
@@ -126,10 +92,10 @@ def test_order_does_not_matter(
 def test_two_workers_give_the_same(
     complete: Path,
     requests: TrialRequests,
-    pairs: dict[tuple[str, str], TrialSetup],
+    setups: dict[tuple[str, str], TrialSetup],
     tmp_path: Path,
 ) -> None:
-    outcomes = run_campaign(requests, pairs, tmp_path / "out", executor=LocalExecutor(2))
+    outcomes = run_campaign(requests, setups, tmp_path / "out", executor=LocalExecutor(2))
     assert _same_but_for_time(outcomes, Store(complete).outcomes())
 
 
@@ -211,7 +177,7 @@ def test_a_full_disk_is_a_clear_message_and_a_state_to_go_on_from(tmp_path: Path
     _, told = process.communicate(timeout=60)
     assert process.returncode == 2, told
     assert "could not be written (File too large)" in told
-    assert f"60 of 60 trials are kept in {directory}; run the same again" in told
+    assert f"60 of 60 trials are kept in {directory}; run the same again to resume" in told
     kept = Store(directory).outcomes()
     assert len(kept) == 60
     assert not list(directory.glob(".outcomes*"))
@@ -221,191 +187,29 @@ def test_a_full_disk_is_a_clear_message_and_a_state_to_go_on_from(tmp_path: Path
     assert Store(directory).outcomes().equals(kept)
 
 
-def test_a_directory_that_cannot_be_written(
-    requests: TrialRequests, pairs: dict[tuple[str, str], TrialSetup], tmp_path: Path
+def test_progress_is_reported(
+    requests: TrialRequests, setups: dict[tuple[str, str], TrialSetup], tmp_path: Path
 ) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="cannot be written"):
-        run_campaign(requests, pairs, tmp_path / "file" / "out", executor=ONE)
-
-
-@pytest.mark.parametrize("change", ["settings", "friction", "poses", "more"])
-def test_another_configuration_refuses_to_mix(
-    complete: Path,
-    requests: TrialRequests,
-    pairs: dict[tuple[str, str], TrialSetup],
-    change: str,
-) -> None:
-    before = {p.name: p.read_bytes() for p in complete.glob("[!.]*")}
-    pair = pairs["ycbv-4", "parallel"]
-    named = "ycbv-4 by parallel"
-    if change == "settings":
-        pair = TrialSetup(pair.grasp_object, pair.gripper, pair.grasp, TrialSettings(lift_s=14.0))
-    elif change == "friction":
-        slippery = replace(pair.grasp_object, friction=0.2)
-        pair = TrialSetup(slippery, pair.gripper, pair.grasp, pair.settings)
-    elif change == "poses":
-        named = "estimates of epos on ycbv"
-        moved = requests.obj_T_est.copy()
-        moved[3, 0, 3] += 1e-9
-        requests = TrialRequests(requests.keys, moved)
-    else:
-        named = "estimates of epos on ycbv"
-        requests = make_requests(41)
-    with pytest.raises(MismatchError, match=f"another configuration: {named} .*another --out"):
-        run_campaign(requests, {("ycbv-4", "parallel"): pair}, complete, executor=ONE)
-    assert {p.name: p.read_bytes() for p in complete.glob("[!.]*")} == before
-
-
-def test_a_directory_with_other_files_is_left_alone(
-    requests: TrialRequests, pairs: dict[tuple[str, str], TrialSetup], tmp_path: Path
-) -> None:
-    (tmp_path / "thesis.tex").write_text("")
-    with pytest.raises(InputError, match="holds files but no campaign"):
-        run_campaign(requests, pairs, tmp_path, executor=ONE)
-    with pytest.raises(FormatError, match="not a campaign's manifest"):
-        Store(tmp_path).outcomes()
-
-
-def test_two_processes_cannot_share_a_directory(
-    complete: Path, requests: TrialRequests, pairs: dict[tuple[str, str], TrialSetup]
-) -> None:
-    with (
-        Store(complete).lock(),
-        pytest.raises(InputError, match="another process is running the campaign"),
-    ):
-        run_campaign(requests, pairs, complete, executor=ONE)
-
-
-def test_an_interrupted_merge_counts_nothing_twice(complete: Path, tmp_path: Path) -> None:
-    directory = tmp_path / "copy"
-    shutil.copytree(complete, directory)
-    store = Store(directory)
-    whole = Store(directory).outcomes()
-    store.append(whole[:10])
-    # As after a kill between writing the merged file and removing its parts.
-    assert Store(directory).outcomes().equals(whole)
-    assert store.finish().equals(whole)
-    assert not (directory / "shards").exists()
-
-
-def test_many_shards_are_merged_on_the_way(
-    complete: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("graspcast.simulation.campaign.store._MOST_SHARDS", 3)
-    whole = Store(complete).outcomes()
-    store = Store(tmp_path / "out")
-    with store.lock():
-        store.begin(Store(complete).manifest)
-        for row in range(20):
-            store.append(whole[row : row + 1])
-            assert len(list((tmp_path / "out" / "shards").iterdir())) <= 4
-    assert store.outcomes().equals(whole[:20])
-
-
-def test_a_damaged_shard_is_named_and_the_rest_stays(complete: Path, tmp_path: Path) -> None:
-    directory = tmp_path / "copy"
-    shutil.copytree(complete, directory)
-    content = (directory / "outcomes.parquet").read_bytes()
-    (directory / "outcomes.parquet").write_bytes(content[: len(content) // 2])
-    with pytest.raises(FormatError, match=r"outcomes.parquet: is damaged .*remove it"):
-        Store(directory).outcomes()
-    pl.DataFrame({"a": [1]}).write_parquet(directory / "outcomes.parquet")
-    with pytest.raises(FormatError, match="should have the columns estimator"):
-        Store(directory).outcomes()
-
-
-def test_progress_is_told(
-    requests: TrialRequests, pairs: dict[tuple[str, str], TrialSetup], tmp_path: Path
-) -> None:
-    told: list[Progress] = []
+    reported: list[tuple[float, str]] = []
 
     class StopError(Exception):
         pass
 
-    def stop(progress: Progress) -> None:
-        told.append(progress)
-        if progress.done:
+    def stop(share: float, message: str) -> None:
+        reported.append((share, message))
+        if share:
             raise StopError
 
     with pytest.raises(StopError):
-        run_campaign(requests, pairs, tmp_path / "out", executor=ONE, progress=stop)
-    assert (told[0].done, told[0].left_s) == (0, float("inf"))
-    assert told[-1].done == 16 and sum(told[-1].reasons.values()) == 16
-    told.clear()
-    run_campaign(requests, pairs, tmp_path / "out", executor=ONE, progress=told.append)
-    assert [p.done for p in told] == [16, 32, 40]
-    assert {p.found for p in told} == {16}
-    assert told[-1].left_s == 0 and told[-1].rate > 0
-
-
-def _changed(requests: TrialRequests, **columns: Any) -> pl.DataFrame:
-    return requests.keys.drop("object").with_columns(**columns)
-
-
-def test_requests_that_are_wrong(requests: TrialRequests) -> None:
-    keys, poses = requests.keys, requests.obj_T_est
-    with pytest.raises(InputError, match="lack the column 'est_id'"):
-        TrialRequests(keys.drop("est_id"), poses)
-    with pytest.raises(InputError, match="wrong type"):
-        TrialRequests(_changed(requests, im_id=pl.lit("first")), poses)
-    with pytest.raises(InputError, match=r"same keys: estimator epos.*im_id 3"):
-        TrialRequests(_changed(requests, im_id=pl.lit(3)), poses)
-    with pytest.raises(InputError, match="no value in some column"):
-        TrialRequests(_changed(requests, gripper=pl.lit(None, dtype=pl.String)), poses)
-    with pytest.raises(InputError, match="need poses"):
-        TrialRequests(keys, poses[1:])
-    broken = poses.copy()
-    broken[5, 0, 0] = np.nan
-    with pytest.raises(InputError, match=r"1 estimates are not finite.*im_id 5, obj_id 4"):
-        TrialRequests(keys, broken)
-    broken = poses.copy()
-    broken[6, :3, :3] *= 1.01
-    with pytest.raises(InputError, match=r"not rigid.*im_id 6"):
-        TrialRequests(keys, broken)
-
-
-def test_an_object_without_a_grasp(requests: TrialRequests) -> None:
-    keys = _changed(requests, obj_id=pl.lit(10), dataset=pl.lit("lmo"))
-    with pytest.raises(UnknownNameError, match="grasp of 'lmo-10' by 'parallel'"):
-        load_setups(TrialRequests(keys, requests.obj_T_est), read_grasps())
-
-
-def test_workers_must_be_some() -> None:
-    with pytest.raises(InputError, match="--workers is 0"):
-        LocalExecutor(0)
-    assert LocalExecutor().workers == usable_cores() >= 1
-
-
-def test_a_trial_that_fails_stops_with_its_cause(
-    requests: TrialRequests, pairs: dict[tuple[str, str], TrialSetup], tmp_path: Path
-) -> None:
-    pair = pairs["ycbv-4", "parallel"]
-    other = replace(pair.grasp, object="ycbv-9")
-    wrong = TrialSetup(pair.grasp_object, pair.gripper, other, pair.settings)
-    with pytest.raises(
-        CampaignStoppedError, match=r"a trial of ycbv-4 by parallel failed: MismatchError.*0 of 40"
-    ):
-        run_campaign(requests, {("ycbv-4", "parallel"): wrong}, tmp_path / "o", executor=ONE)
-
-
-def test_the_card_reads_as_it_says(complete: Path) -> None:
-    card = (complete / "README.md").read_text()
-    outcomes = pl.read_parquet(complete / "outcomes.parquet")
-    for name in outcomes.columns:
-        assert f"| `{name}` |" in card
-    manifest = json.loads((complete / "manifest.json").read_text())
-    for name in manifest["pairs"][0]["settings"]:
-        assert f"| `{name}` |" in card
-    assert f"| epos | parallel | 40 | {outcomes['success'].mean():.3f} |" in card
-    assert "CC BY 4.0" in card and "- epos: a test" in card and "LM-O" not in card
-    pandas = pytest.importorskip("pandas")
-    pytest.importorskip("pyarrow")
-    frame = pandas.read_parquet(complete / "outcomes.parquet")
-    assert list(frame.columns) == list(COLUMNS) and len(frame) == 40
-    datasets = pytest.importorskip("datasets")
-    assert datasets.load_dataset(str(complete), split="train").num_rows == 40
-
-
-def test_keys_are_the_first_columns() -> None:
-    assert list(COLUMNS)[: len(TRIAL_COLUMNS)] == list(TRIAL_COLUMNS)
+        run_campaign(requests, setups, tmp_path / "out", executor=ONE, progress=stop)
+    assert [share for share, _ in reported] == [0, 16 / 40]
+    assert "16 of 40 trials" in reported[-1][1]
+    reported.clear()
+    run_campaign(
+        requests,
+        setups,
+        tmp_path / "out",
+        executor=ONE,
+        progress=lambda share, message: reported.append((share, message)),
+    )
+    assert [share for share, _ in reported] == [16 / 40, 32 / 40, 1]

@@ -9,20 +9,11 @@ import pytest
 
 import graspcast.errors
 from campaign_script import make_requests
-from graspcast.errors import ExtraMissingError
-from graspcast.simulation.campaign.campaign import Progress, run_campaign
-from graspcast.simulation.campaign.executors import LocalExecutor, RayExecutor
+from graspcast.errors import ExtraMissingError, InputError
+from graspcast.simulation.campaign.campaign import run_campaign
+from graspcast.simulation.campaign.executors import LocalExecutor, RayExecutor, usable_cores
 from graspcast.simulation.campaign.jobs import load_setups
 from graspcast.simulation.grasps.table import read_grasps
-
-# Ray itself leaves sockets and processes to the garbage collector.
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.filterwarnings("ignore::ResourceWarning"),
-    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
-    pytest.mark.filterwarnings("ignore::FutureWarning"),
-    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
-]
 
 
 @pytest.fixture
@@ -44,15 +35,21 @@ def cluster(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     made.shutdown()
 
 
+# Ray itself leaves sockets and processes to the garbage collector.
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_node_killed_in_mid_run_loses_nothing(cluster: Any, tmp_path: Path) -> None:
     requests = make_requests(192)
-    pairs = load_setups(requests, read_grasps())
+    setups = load_setups(requests, read_grasps())
     alive: list[int] = []
 
-    def watch(progress: Progress) -> None:
+    def watch(share: float, message: str) -> None:
         import ray
 
-        if progress.done >= 32 and not alive:
+        if share >= 32 / 192 and not alive:
             alive.append(len(cluster.list_all_nodes()))
             second = next(iter(cluster.worker_nodes))
             # A kill, not a farewell: the trials that it was at are lost with it.
@@ -63,10 +60,10 @@ def test_a_node_killed_in_mid_run_loses_nothing(cluster: Any, tmp_path: Path) ->
             alive.append(sum(node["Alive"] for node in ray.nodes()))
 
     outcomes = run_campaign(
-        requests, pairs, tmp_path / "ray", executor=RayExecutor(), progress=watch
+        requests, setups, tmp_path / "ray", executor=RayExecutor(), progress=watch
     )
     assert alive == [2, 1]
-    local = run_campaign(requests, pairs, tmp_path / "local", executor=LocalExecutor(1))
+    local = run_campaign(requests, setups, tmp_path / "local", executor=LocalExecutor(1))
     assert outcomes.drop("computed_s").equals(local.drop("computed_s"))
 
 
@@ -74,3 +71,9 @@ def test_without_ray_the_message_has_the_pip_line(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setitem(__import__("sys").modules, "ray", None)
     with pytest.raises(ExtraMissingError, match=r"pip install 'graspcast\[ray\]'"):
         RayExecutor()
+
+
+def test_workers_must_be_some() -> None:
+    with pytest.raises(InputError, match="workers is 0"):
+        LocalExecutor(0)
+    assert LocalExecutor().workers == usable_cores() >= 1

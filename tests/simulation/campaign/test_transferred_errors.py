@@ -1,4 +1,4 @@
-"""Borrowed errors: those of other objects, never the object's own, whatever their symmetries."""
+"""Transferred errors: those of other objects, never the object's own, whatever their symmetries."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def test_seeds_and_other_pairs(dataset: BopDataset) -> None:
     assert keys.filter(obj_id=1)["im_id"].to_list() == list(range(300))
 
 
-def test_an_object_of_ones_own_borrows_from_all(dataset: BopDataset) -> None:
+def test_errors_of_all_objects_are_transferred_to_a_new_one(dataset: BopDataset) -> None:
     pairs = [("mine-7", "parallel")]
     found = trials_from_transferred_errors(
         {"made": {"a": results()}}, {"made": dataset}, pairs, count=50
@@ -153,10 +153,14 @@ def test_an_object_of_ones_own_borrows_from_all(dataset: BopDataset) -> None:
 
 def test_what_is_refused_and_what_is_no_estimate(dataset: BopDataset) -> None:
     table = results()
-    with pytest.raises(InputError, match=r"at least one error is to be borrowed .* not 0"):
+    with pytest.raises(InputError, match="count is 0; give at least 1"):
         transferred_errors(dataset, table, 1, count=0)
+    with pytest.raises(InputError, match="'mug' has no number"):
+        trials_from_transferred_errors(
+            {"made": {"a": table}}, {"made": dataset}, [("mug", "parallel")], count=1
+        )
     only = table.select(table.obj_id == 2)
-    with pytest.raises(MismatchError, match=r"no errors to borrow for made-2"):
+    with pytest.raises(MismatchError, match="no errors to transfer to made-2"):
         transferred_errors(dataset, only, 2)
     assert len(transferred_errors(dataset, only, 1).keys) == 300
     # A placeholder at the camera's centre is no estimate.

@@ -8,7 +8,6 @@ from sklearn.metrics import accuracy_score, cohen_kappa_score
 
 from graspcast.errors import InputError
 from graspcast.simulation.grasps.agreement import agreement
-from graspcast.simulation.grasps.sampling import FittedTrials, StratifiedSample
 
 pairs = st.lists(st.tuples(st.booleans(), st.booleans()), min_size=2, max_size=60)
 
@@ -33,25 +32,3 @@ def test_majority_rates_and_error() -> None:
     assert found.standard_error == pytest.approx(np.sqrt(0.6 * 0.4 / 5))
     with pytest.raises(InputError, match="no trials"):
         agreement(np.array([], bool), np.array([], bool))
-
-
-def _trials(successes: int, near: int, far: int) -> FittedTrials:
-    poses = np.tile(np.eye(4), (successes + near + far, 1, 1))
-    poses[successes + near :, 0, 3] = 1.0
-    return FittedTrials(poses, np.arange(len(poses)) < successes)
-
-
-@given(st.integers(0, 50), st.integers(0, 50), st.integers(0, 50), st.integers(1, 120))
-def test_a_sample_stands_for_all(successes: int, near: int, far: int, count: int) -> None:
-    trials = _trials(successes, near, far)
-    sample = StratifiedSample(trials, np.random.default_rng(0))
-    rows, weights = sample.take(count)
-    assert len(set(rows.tolist())) == len(rows) == min(count, len(trials))
-    if len(rows) == len(trials):
-        assert np.all(weights == 1.0)
-    more, _ = sample.take(count + 10)
-    assert set(rows.tolist()) <= set(more.tolist())
-    # What each kind of trial stands for is its number, as soon as it is in the sample at all.
-    chosen = trials.success[rows]
-    if chosen.any():
-        assert weights[chosen].sum() == pytest.approx(successes)

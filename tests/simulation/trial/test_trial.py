@@ -1,50 +1,26 @@
-"""One trial: the change of frame, every reason that it can end for, and that it repeats."""
+"""One trial: the change of frame, every reason, and repeatability."""
 
 from __future__ import annotations
 
 import math
 import random
 import threading
-from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
-from jaxtyping import Float
-from numpy import ndarray
 
 from graspcast.errors import InputError, MismatchError
 from graspcast.pose.transforms import exp, invert, transform
 from graspcast.simulation.grippers import FrankaHand, TendonHand, load_gripper
-from graspcast.simulation.objects.types import Grasp, GraspObject, Primitive
+from graspcast.simulation.objects.types import Grasp, GraspObject
 from graspcast.simulation.trial import trial as trial_module
 from graspcast.simulation.trial.scene import HAND, Scene
-from graspcast.simulation.trial.trial import REASONS, Outcome, TrialRunner, TrialSettings
-from solids import IDENTITY, box, cylinder, errors, from_above, raised, sphere
-
-HEIGHTS = {"parallel": 0.025, "underactuated": 0.005}
-GRIPPERS = sorted(HEIGHTS)
-
-
-def setup(
-    gripper: str, target: GraspObject, height: float | None = None, **settings: object
-) -> tuple[TrialRunner, Grasp]:
-    """A runner and a grasp from above."""
-    lying = bool(target.sim_T_ref[0, 2])
-    at = HEIGHTS[gripper] if height is None else height
-    runner = TrialRunner(target, load_gripper(gripper), replace(TrialSettings(), **settings))
-    return runner, Grasp(from_above(target, at, along_y=lying), target.name, gripper)
-
-
-def moved(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Float[ndarray, "4 4"]:
-    return transform(np.eye(3), np.array([x, y, z]))
-
-
-def timeless(outcome: Outcome) -> str:
-    """Everything but the computing time, to the last bit."""
-    return repr(replace(outcome, computed_s=0.0))
+from graspcast.simulation.trial.trial import TrialRunner, TrialSettings
+from solids import IDENTITY, box, cylinder, errors
+from trials import GRIPPERS, moved, nail, sample, setup, timeless
 
 
 @pytest.mark.parametrize("gripper", GRIPPERS)
@@ -125,16 +101,6 @@ def test_where_the_table_does_not_stop_the_hand_it_does_not_block_it() -> None:
 
 
 @pytest.mark.parametrize("gripper", GRIPPERS)
-def test_an_estimate_out_of_reach_is_missed_without_simulating_and_rightly_so(gripper: str) -> None:
-    runner, grasp = setup(gripper, box())
-    for error in (moved(x=3.0), moved(z=0.5)):
-        quick, full = (runner.run(error, grasp, early_stop=stop) for stop in (True, False))
-        assert (quick.reason, quick.steps, full.reason) == ("missed", 0, "missed")
-        assert quick.offset_m == pytest.approx(full.offset_m, abs=3e-3)
-        assert full.steps > runner.settings.lift_s / runner.settings.timestep
-
-
-@pytest.mark.parametrize("gripper", GRIPPERS)
 def test_closing_beside_the_object_is_missed(gripper: str) -> None:
     runner, grasp = setup(gripper, box(0.03, 0.03, 0.06))
     outcomes = [runner.run(moved(y=-0.12), grasp, early_stop=stop) for stop in (True, False)]
@@ -148,13 +114,6 @@ def test_what_is_too_slippery_is_dropped(gripper: str) -> None:
     outcome = runner.run(IDENTITY, grasp)
     assert outcome.reason == "dropped"
     assert outcome.offset_m > runner.settings.tolerance_m
-
-
-def nail() -> GraspObject:
-    """A slippery shaft, 12 cm long, whose head catches on the fingers."""
-    shaft = Primitive("box", (0.012, 0.012, 0.06), np.eye(4))
-    head = Primitive("box", (0.035, 0.035, 0.005), raised(0.065))
-    return replace(box(friction=0.01), name="nail", pieces=(shaft, head), sim_T_ref=raised(0.06))
 
 
 def test_what_slides_too_far_and_is_caught_has_slipped() -> None:
@@ -186,56 +145,6 @@ def test_a_simulation_that_blows_up_is_unstable_and_the_next_trial_is_as_ever(
         assert math.isnan(outcome.offset_m)
         assert timeless(runner.run(IDENTITY, grasp)) == timeless(sound)
     assert list(tmp_path.iterdir()) == [], "nothing is logged into the working directory"
-
-
-def sample(gripper: str, count: int) -> Iterator[tuple[TrialRunner, Float[ndarray, "4 4"], Grasp]]:
-    """Trials of easy and hard objects with small and large errors."""
-    rng = np.random.default_rng(11)
-    slippery = {"parallel": 0.15, "underactuated": 0.3}[gripper]
-    targets = [
-        (cylinder(), None),
-        (cylinder(lying=True), 0.0),
-        (box(0.05, 0.11, 0.15, mass_kg=0.6, mesh=True), 0.05),
-        (box(friction=slippery), None),
-        (cylinder(friction=slippery, mass_kg=0.8), None),
-        (sphere(0.06), 0.0),
-    ]
-    for target, height in targets:
-        runner, grasp = setup(gripper, target, height)
-        for error in errors(rng, math.ceil(count / len(targets)), 0.018, 0.18):
-            yield runner, error, grasp
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("gripper", GRIPPERS)
-def test_stopping_early_gives_the_label_of_the_full_lift(gripper: str) -> None:
-    seen: dict[str, int] = dict.fromkeys(REASONS, 0)
-    saved = 0
-    for runner, error, grasp in sample(gripper, 120):
-        full = runner.run(error, grasp, early_stop=False)
-        quick = runner.run(error, grasp)
-        assert (quick.success, quick.reason) == (full.success, full.reason), error
-        if full.success:
-            assert quick.offset_m == pytest.approx(full.offset_m, abs=5e-3)
-        seen[full.reason] += 1
-        saved += full.steps - quick.steps
-    assert min(seen["held"], seen["dropped"], seen["missed"]) >= 5, seen
-    assert saved > 0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("gripper", GRIPPERS)
-def test_a_slow_slip_is_followed_to_its_end(gripper: str) -> None:
-    # Where friction's impedance is low it creeps, so that some grips give way only after seconds.
-    seen = []
-    for mass in (0.35, 1.0, 2.0):
-        for impratio in (0.3, 0.6, 1.0, 2.0):
-            runner, grasp = setup(gripper, box(mass_kg=mass), impratio=impratio)
-            full = runner.run(IDENTITY, grasp, early_stop=False)
-            quick = runner.run(IDENTITY, grasp)
-            assert quick.reason == full.reason
-            seen.append((quick.reason, quick.simulated_s > 4.0))
-    assert {("held", True), ("dropped", True)} <= set(seen)
 
 
 @pytest.mark.slow
@@ -325,53 +234,6 @@ def test_wrong_input_is_named() -> None:
         runner.run(IDENTITY, replace(grasp, object="mug"))
     with pytest.raises(MismatchError, match="for the gripper 'claw', the trial for 'parallel'"):
         runner.run(IDENTITY, replace(grasp, gripper="claw"))
-
-
-def test_an_object_that_does_not_rest_is_refused() -> None:
-    tilted = raised(0.07) @ exp(np.array([0, 0, 0, 0.4, 0, 0]))
-    for pose in (raised(0.2), raised(-0.1), tilted):
-        with pytest.raises(MismatchError, match="does not rest in its reference pose"):
-            TrialRunner(replace(nail(), sim_T_ref=pose), FrankaHand())
-
-
-def test_impossible_objects_are_refused() -> None:
-    for wrong, message in (
-        ({"mass_kg": 0.0}, "its mass is 0.0 kg"),
-        ({"mass_kg": math.nan}, "its mass is nan kg"),
-        ({"friction": -0.1}, "its friction is -0.1"),
-        ({"pieces": ()}, "no collision piece"),
-        ({"inertia": np.zeros((3, 3))}, "not positive definite"),
-        ({"sim_T_ref": np.full((4, 4), math.nan)}, "reference pose must be a finite"),
-    ):
-        with pytest.raises(InputError, match=message):
-            replace(box(), **wrong)
-
-
-def test_settings_that_cannot_work_are_refused() -> None:
-    for wrong, message in (
-        ({"timestep": 0.0}, "timestep is 0.0; it must be > 0"),
-        ({"settle_s": -1.0}, "settle_s is -1.0"),
-        ({"timestep": 0.008}, "below twice the timestep"),
-        ({"lift_speed": 0.001}, "too low to tell a failure"),
-        ({"lift_ramp_s": 20.0}, "must be below lift_s"),
-    ):
-        with pytest.raises(InputError, match=message):
-            replace(TrialSettings(), **wrong)
-
-
-@pytest.mark.ill_typed
-def test_every_setting_is_in_the_digest() -> None:
-    settings = TrialSettings()
-    other = {"integrator": "euler", "cone": "pyramidal", "condim": 3, "hand_touches_table": False}
-    other |= {"solref": (0.012, 1.0), "solimp": (0.9, 0.95, 0.001)}
-    digests = {settings.digest()}
-    for field in fields(settings):
-        value = other.get(field.name) or getattr(settings, field.name) * 1.5
-        if field.name == "hand_touches_table":
-            value = False
-        digests.add(replace(settings, **{field.name: value}).digest())
-    assert len(digests) == 1 + len(fields(settings))
-    assert TrialSettings().digest() == settings.digest()
 
 
 def test_a_runner_s_digest_follows_object_gripper_and_settings() -> None:

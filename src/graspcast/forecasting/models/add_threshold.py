@@ -1,8 +1,11 @@
 """The baseline: a threshold on the mean ADD between the principal and its supporters.
 
-Shi et al., *Fast Uncertainty Quantification for Deep Object Pose Estimation* (ICRA 2021), as
-Section V-B of the paper adapts it: one threshold for each (principal, object, gripper); below it,
+One threshold for each principal, object and gripper, as Section V-B of the paper has it; below it,
 the grasp is predicted to succeed.
+
+References
+----------
+G. Shi et al., *Fast Uncertainty Quantification for Deep Object Pose Estimation*, ICRA 2021.
 """
 
 from __future__ import annotations
@@ -25,11 +28,11 @@ __all__ = [
 
 
 def fit_threshold(disagreement: Float[ndarray, "n"], success: Bool[ndarray, "n"]) -> float:
-    """The threshold with the best accuracy on these samples.
+    """Return the threshold with the best accuracy on these samples.
 
-    Candidates are the values themselves but the smallest, and infinity; a sample is predicted to
-    succeed if it lies strictly below; of equally good candidates the smallest is taken. This is the
-    rule behind the published table, which other ways to break ties miss by up to half a point.
+    Candidates are all values but the smallest, and infinity; a sample strictly below the threshold
+    is predicted to succeed; of equally accurate candidates the smallest is taken. The published
+    table follows this rule; other ways to break ties differ from it by up to half a point.
 
     Raises
     ------
@@ -37,20 +40,20 @@ def fit_threshold(disagreement: Float[ndarray, "n"], success: Bool[ndarray, "n"]
         If there are no samples.
     """
     if len(disagreement) == 0:
-        raise InputError("a threshold cannot be learned from no samples")
+        raise InputError("a threshold cannot be fitted to no samples")
     order = np.argsort(disagreement, kind="stable")
-    value, held = disagreement[order], success[order]
+    value, succeeded = disagreement[order], success[order]
     candidates = np.append(value[1:], np.inf)
     below = np.searchsorted(value, candidates, side="left")
-    held_below = np.concatenate([[0], np.cumsum(held)])[below]
-    right = held_below + (len(held) - below) - (held.sum() - held_below)
-    return float(candidates[np.argmax(right)])
+    successes_below = np.concatenate([[0], np.cumsum(succeeded)])[below]
+    failures_above = (len(value) - below) - (succeeded.sum() - successes_below)
+    return float(candidates[np.argmax(successes_below + failures_above)])
 
 
 def fit_thresholds(
     disagreement: Float[ndarray, "n"], success: Bool[ndarray, "n"], objects: ndarray
 ) -> dict[str, float]:
-    """One threshold for each object's name."""
+    """Fit one threshold for each object's name."""
     return {
         str(name): fit_threshold(disagreement[objects == name], success[objects == name])
         for name in np.unique(objects)
@@ -60,7 +63,7 @@ def fit_thresholds(
 def predict_below(
     disagreement: Float[ndarray, "n"], thresholds: dict[str, float], objects: ndarray
 ) -> Bool[ndarray, "n"]:
-    """Whether each sample lies below its object's threshold.
+    """Predict success where a sample lies below its object's threshold.
 
     Raises
     ------
@@ -72,7 +75,7 @@ def predict_below(
 
 @dataclass(frozen=True, eq=False)
 class Thresholds:
-    """One threshold an object on a single feature, the mean ADD in metres, and one for all.
+    """Thresholds on one feature, the mean ADD in metres: one for each object, and one for all.
 
     The probability is the success rate of the training samples on the same side of the threshold,
     with one success and one failure added to each side (Laplace).
@@ -80,7 +83,7 @@ class Thresholds:
     Attributes
     ----------
     threshold
-        Metres, (k + 1,); the last is learned on all objects alike, for unseen ones.
+        Metres, (k + 1,); the last is fitted to all objects together, for unseen ones.
     rate_below, rate_above
         Success rates, (k + 1,).
     """
@@ -93,7 +96,7 @@ class Thresholds:
     def fit(
         cls, features: Float[ndarray, "n d"], success: Bool[ndarray, "n"], objects: ndarray
     ) -> Thresholds:
-        """Learn the threshold of each object number from 0 to the largest, and of all."""
+        """Fit the threshold of each object number from 0 to the largest, and of all together."""
         value = features[:, 0]
         groups = [objects == k for k in range(int(objects.max()) + 1)]
         groups.append(np.full(len(value), True))
@@ -106,15 +109,15 @@ class Thresholds:
         return cls(*np.array(rows, dtype=np.float64).T)
 
     def probability(self, features: Float[ndarray, "n d"], objects: ndarray) -> Float[ndarray, "n"]:
-        """Probability of success of each row."""
+        """Forecast the probability of success of each row."""
         below = features[:, 0] < self.threshold[objects]
         return np.where(below, self.rate_below[objects], self.rate_above[objects])
 
     def to_arrays(self) -> dict[str, ndarray]:
-        """Named arrays."""
+        """Return everything learned as named arrays."""
         return dict(self.__dict__)
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Thresholds:
-        """The inverse of :meth:`to_arrays`."""
+        """Restore what :meth:`to_arrays` returned."""
         return cls(*(arrays[name] for name in ("threshold", "rate_below", "rate_above")))

@@ -1,4 +1,4 @@
-"""What can be inside a forecaster: a threshold on ADD, or ensembles of small networks."""
+"""The interface of a model of grasp success."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ __all__ = ["Predictor"]
 
 @runtime_checkable
 class Predictor(Protocol):
-    """What a forecaster needs; objects are numbers from 0."""
+    """A trained model of grasp success; objects are numbers from 0, -1 an unseen one."""
 
     def probability(self, features: Float[ndarray, "n d"], objects: ndarray) -> Float[ndarray, "n"]:
-        """Probability of success of each row."""
+        """Forecast the probability of success of each row."""
         ...
 
     def to_arrays(self) -> dict[str, ndarray]:
-        """Everything it has learned, as named arrays."""
+        """Return everything learned as named arrays."""
         ...

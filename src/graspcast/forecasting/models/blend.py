@@ -1,15 +1,20 @@
-"""The default forecaster: two stages and a direct forest, averaged and calibrated.
+"""The default forecaster: a two-stage model and a direct forest, averaged and calibrated.
 
-The direct forest sees the features and the object and answers with the success rate of alike
-training instances. It knows what the two stages lump together, but nothing of an object without
-outcomes; the two stages know what they were shown of each. Their average does better than either
-on scenes that training has not seen (docs/evaluation.md). The average's log-odds are then stretched
-and shifted by logistic regression on forecasts of scenes kept apart from training (Platt, 1999).
+The direct forest maps features and object to the success rate of similar training instances; it
+cannot forecast an object without outcomes. The two-stage model
+(:mod:`graspcast.forecasting.models.two_stage`) can, by simulated trials. Their average scores
+better than either on scenes that are not in training (docs/evaluation.md). The log-odds of the
+average are calibrated by logistic regression on out-of-fold predictions (Platt scaling).
+
+References
+----------
+J. Platt, *Probabilistic Outputs for Support Vector Machines*, Advances in Large Margin Classifiers,
+1999. P. Geurts, D. Ernst and L. Wehenkel, *Extremely randomized trees*, Machine Learning, 2006.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,7 +29,9 @@ from graspcast.forecasting.models.encoding import one_hot_numbers
 from graspcast.forecasting.models.forest import Forest, flatten
 from graspcast.forecasting.models.out_of_fold import OutOfFold
 from graspcast.forecasting.models.two_stage import ErrorModel, SuccessGivenError, expected_success
+from graspcast.forecasting.splits import fold_numbers
 from graspcast.forecasting.training_data import TrainingData
+from graspcast.io.progress import Progress, step_of
 
 __all__ = ["Blend", "ForestSettings"]
 
@@ -32,25 +39,26 @@ _STAGE_INPUTS = (
     "shift", "turn", "mid", "across_rel", "angle", "angle_between", "offset_between",
     "ray_between", "distance",
 )  # fmt: skip
-"""Stems of the columns that the error model sees: nothing that knows the object or the side from
-which it is seen, which do better where scenes are new."""
+"""Name stems of the features that are inputs of the error model. Features that depend on the object
+or on the viewing direction are left out, which generalises better to new scenes."""
 
 
 @dataclass(frozen=True)
 class ForestSettings:
-    """How the forests are grown.
+    """Settings of the forests.
 
     Attributes
     ----------
     direct
-        Weight of the direct forest for objects with outcomes; 0 is two stages alone, 1 the direct
-        forest alone.
+        Weight of the direct forest for objects with outcomes; 0 is the two-stage model alone, 1 the
+        direct forest alone.
     trees
-        Of each forest.
+        Trees of each forest.
     draws
-        Errors drawn for each forecast.
+        Pose errors drawn for each forecast.
     folds
-        Parts of the scenes for calibration; 0 for none.
+        Folds of the scenes for out-of-fold predictions, by which forecasts are calibrated; 0 for
+        no calibration.
     seed
         Of everything random.
     """
@@ -64,30 +72,32 @@ class ForestSettings:
 
 @dataclass(frozen=True, eq=False)
 class Blend:
-    """Forests and their calibration, for one principal and gripper.
+    """Two-stage model and direct forest for one principal and gripper, with their calibration.
 
     Attributes
     ----------
     direct
-        From features, object and guiding estimator to success, or None.
-    errors, survival
-        The two stages, or None.
+        Forest from features, object and guiding estimator to success, or None.
+    errors, success_given_error
+        The two-stage model, or None.
     estimator
         One-hot vector of the principal among all estimators, (K,).
     tried
-        Which objects have outcomes (the direct forest knows them), (objects,).
+        Which objects have outcomes, and so are known to the direct forest, (objects,).
     known
-        Which objects the second stage knows, by outcomes or simulation, (objects,).
+        Which objects the two-stage model knows, by outcomes or simulation, (objects,).
     weight
         Of the direct forest.
     draws
-        Errors drawn for each forecast.
+        Pose errors drawn for each forecast.
     columns
-        The error model's inputs among the features; the ray frame's nine; the distance.
+        Column numbers of the error model's inputs, the ray frame's nine axes and the distance; at
+        the end the number of inputs.
     calibration
-        Slope and shift of the log-odds, for the average and for two stages alone, (2, 2).
-    apart
-        What the calibration was learned from.
+        Slope and intercept on the log-odds, for the average and for the two-stage model alone,
+        (2, 2).
+    out_of_fold
+        The out-of-fold predictions, or None without calibration.
     """
 
     direct: Forest | None
@@ -110,51 +120,41 @@ class Blend:
         models: Mapping[str, Models],
         settings: ForestSettings,
         *,
-        progress: Callable[[float], None] | None = None,
+        progress: Progress | None = None,
     ) -> Blend:
-        """Learn from lessons about these objects.
+        """Train on these objects, and calibrate by out-of-fold predictions.
 
         Raises
         ------
         InputError
-            If there is neither ground truth for two stages nor outcomes for the direct forest.
+            If there is neither ground truth for the two-stage model nor outcomes for the direct
+            forest.
         """
-        table = DesignMatrix.of(training_data, objects, models)
-        groups = np.unique(table.groups)
-        folds = min(settings.folds, len(groups))
-        steps = folds + 1
-        blend = _grow(table, np.full(len(training_data), True), settings)
-        if progress is not None:
-            progress(1 / steps)
+        matrix = DesignMatrix.of(training_data, objects, models)
+        folds = min(settings.folds, len(np.unique(matrix.groups)))
+        blend = _grow(matrix, np.full(len(training_data), True), settings)
+        step_of(progress, 0, folds + 1)(1.0, "growing forests")
         if folds < 2 or not blend.tried.any():
             return blend
-        # Each scene's forecasts by forests that have not seen it.
-        dealt = np.random.default_rng(settings.seed).permutation(len(groups)) % folds
-        part = dealt[np.searchsorted(groups, table.groups)]
-        forecasts = np.full((2, len(training_data)), np.nan)
-        for fold in range(folds):
-            inner = replace(settings, trees=max(32, settings.trees // 2))
-            forest = _grow(table, part != fold, inner)
-            rows = np.flatnonzero((part == fold) & table.samples)
-            rows = rows[forest.tried[table.numbers[rows]]]
-            forecasts[:, rows] = forest.raw(table.own[rows], table.numbers[rows])
-            if progress is not None:
-                progress((fold + 2) / steps)
-        own = table.success[table.principal]
-        calibration = np.stack([_calibrate(each, own) for each in forecasts])
-        told = np.flatnonzero(~np.isnan(forecasts[0]))
-        slope, shift = calibration[0]
+        predictions = _out_of_fold(matrix, settings, folds, progress)
+        own = matrix.success[matrix.principal]
+        calibration = np.stack([_calibrate(each, own) for each in predictions])
+        rows = np.flatnonzero(~np.isnan(predictions[0]))
+        slope, intercept = calibration[0]
         out_of_fold = OutOfFold(
-            _expit(slope * _logit(forecasts[0, told]) + shift),
-            own[told] == 1,
-            unit_names(training_data.estimates.select(told).instances, "image"),
+            _expit(slope * _logit(predictions[0, rows]) + intercept),
+            own[rows] == 1,
+            unit_names(training_data.estimates.select(rows).instances, "image"),
         )
         return replace(blend, calibration=calibration, out_of_fold=out_of_fold)
 
     def raw(
         self, features: Float[ndarray, "n d"], numbers: Int[ndarray, "n"]
     ) -> Float[ndarray, "2 n"]:
-        """Before calibration: the average, and two stages alone; object -1 is an unseen one."""
+        """Forecast without calibration: the average, and the two-stage model alone, (2, n).
+
+        Object number -1 is an unseen object; NaN where the two-stage model does not know it.
+        """
         count = self.columns[-1]  # of the error model's inputs
         inputs, axes = self.columns[:count], self.columns[count : count + 9]
         staged = np.full(len(features), np.nan)
@@ -175,7 +175,7 @@ class Blend:
         which = one_hot_numbers(numbers, len(self.tried))
         guide = np.broadcast_to(self.estimator, (len(features), len(self.estimator)))
         direct = self.direct.mean(np.concatenate([features, which, guide], axis=1))
-        # The direct forest knows only objects with outcomes, but is better than no answer.
+        # For objects without outcomes the direct forest is used only if there is nothing else.
         weight = np.where((numbers >= 0) & self.tried[numbers], self.weight, 0.0)
         weight = np.where(np.isnan(staged), 1.0, weight)
         mixed = weight * direct + (1 - weight) * np.nan_to_num(staged)
@@ -184,26 +184,27 @@ class Blend:
     def probability(
         self, features: Float[ndarray, "n d"], objects: Int[ndarray, "n"]
     ) -> Float[ndarray, "n"]:
-        """Probability of success of each row.
+        """Forecast the probability of success of each row.
 
         Raises
         ------
         MismatchError
-            For two stages alone, of an object without outcomes or simulated trials.
+            For an object without outcomes or simulated trials, if there is no direct forest.
         """
         mixed, _ = self.raw(features, objects)
         if np.isnan(mixed).any():
             raise MismatchError(
-                "two stages cannot answer for an object without outcomes or simulated trials: give "
-                "some (train --simulated), or use the method blend"
+                "the method two-stage cannot forecast an object without outcomes or simulated "
+                "trials; train with simulated trials of the object, or with the method blend",
+                parameters=("simulated", "method"),
             )
-        # Two stages alone answer for what they know and the direct forest does not.
+        # The two-stage model alone forecasts what it knows and the direct forest does not.
         alone = (objects >= 0) & self.known[objects] & ~self.tried[objects]
-        slope, shift = self.calibration[alone.astype(int)].T
-        return _expit(slope * _logit(mixed) + shift)
+        slope, intercept = self.calibration[alone.astype(int)].T
+        return _expit(slope * _logit(mixed) + intercept)
 
     def to_arrays(self) -> dict[str, ndarray]:
-        """Named arrays."""
+        """Return everything learned as named arrays."""
         plain = ("estimator", "tried", "known", "columns", "calibration")
         out = {name: getattr(self, name) for name in plain}
         out |= {"weight": np.array(self.weight), "draws": np.array(self.draws)}
@@ -219,7 +220,7 @@ class Blend:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Blend:
-        """The inverse of :meth:`to_arrays`."""
+        """Restore what :meth:`to_arrays` returned."""
         direct = errors = success_given_error = None
         if "direct/roots" in arrays:
             direct = Forest.from_arrays(arrays, "direct")
@@ -243,32 +244,49 @@ class Blend:
         )
 
 
-def _grow(table: DesignMatrix, rows: Bool[ndarray, "n"], settings: ForestSettings) -> Blend:
-    """Forests of some of the instances, not calibrated."""
-    guide, instance = np.nonzero(~np.isnan(table.success) & rows)
-    tried = np.bincount(table.numbers[instance], minlength=table.objects) > 0
-    columns = _columns(table.names)
+def _out_of_fold(
+    matrix: DesignMatrix, settings: ForestSettings, folds: int, progress: Progress | None
+) -> Float[ndarray, "2 n"]:
+    """Forecast each tried instance by forests grown without its scene; NaN for all others."""
+    fold_of = fold_numbers(matrix.groups, folds, seed=settings.seed)
+    inner = replace(settings, trees=max(32, settings.trees // 2))
+    predictions = np.full((2, len(fold_of)), np.nan)
+    for fold in range(folds):
+        forest = _grow(matrix, fold_of != fold, inner)
+        rows = np.flatnonzero((fold_of == fold) & matrix.is_tried)
+        rows = rows[forest.tried[matrix.numbers[rows]]]
+        predictions[:, rows] = forest.raw(matrix.own[rows], matrix.numbers[rows])
+        step_of(progress, fold + 1, folds + 1)(1.0, "growing forests")
+    return predictions
+
+
+def _grow(matrix: DesignMatrix, rows: Bool[ndarray, "n"], settings: ForestSettings) -> Blend:
+    """Grow the forests from some of the instances, without calibration."""
+    guide, instance = np.nonzero(~np.isnan(matrix.success) & rows)
+    tried = np.bincount(matrix.numbers[instance], minlength=matrix.objects) > 0
+    columns = _columns(matrix.names)
     direct = errors = success_given_error = None
-    known = np.zeros(table.objects, dtype=bool)
+    known = np.zeros(matrix.objects, dtype=bool)
     if settings.direct > 0:
-        direct = _grow_direct(table, guide, instance, settings)
-    donors = rows & np.isfinite(table.truth[table.principal]).all(axis=1)
-    if settings.direct < 1 and donors.any():
-        poses, numbers, success = _trials(table, guide, instance, tried)
-        known = np.bincount(numbers, minlength=table.objects) > 0
+        direct = _grow_direct(matrix, guide, instance, settings)
+    annotated = rows & np.isfinite(matrix.truth[matrix.principal]).all(axis=1)
+    if settings.direct < 1 and annotated.any():
+        poses, numbers, success = _trials(matrix, guide, instance, tried)
+        known = np.bincount(numbers, minlength=matrix.objects) > 0
         if known.any():
             forest = {"trees": settings.trees, "seed": settings.seed}
-            inputs = table.own[donors][:, columns[: columns[-1]]]
-            errors = ErrorModel.fit(inputs, table.truth[table.principal][donors], **forest)
+            inputs = matrix.own[annotated][:, columns[: columns[-1]]]
+            errors = ErrorModel.fit(inputs, matrix.truth[matrix.principal][annotated], **forest)
             success_given_error = SuccessGivenError.fit(
-                poses, numbers, success, objects=table.objects, **forest
+                poses, numbers, success, objects=matrix.objects, **forest
             )
     if direct is None and success_given_error is None:
         raise InputError(
-            "there is nothing to learn from: two stages need ground truth and outcomes or "
-            "simulated trials, the direct forest needs outcomes"
+            "there is nothing to learn from: the two-stage model needs ground truth and outcomes "
+            "or simulated trials, the direct forest needs outcomes",
+            parameters=("outcomes", "ground_truth", "bop", "simulated"),
         )
-    estimator = np.eye(len(table.success))[table.principal]
+    estimator = np.eye(len(matrix.success))[matrix.principal]
     identity = np.array([[1.0, 0.0], [1.0, 0.0]])
     return Blend(
         direct,
@@ -285,20 +303,20 @@ def _grow(table: DesignMatrix, rows: Bool[ndarray, "n"], settings: ForestSetting
 
 
 def _grow_direct(
-    table: DesignMatrix,
+    matrix: DesignMatrix,
     guide: Int[ndarray, "m"],
     instance: Int[ndarray, "m"],
     settings: ForestSettings,
 ) -> Forest | None:
-    """The direct forest of tried grasps, by who guided them; None if all came out alike."""
+    """Grow the direct forest from all tried grasps; None if all outcomes are equal."""
     from sklearn.ensemble import ExtraTreesClassifier
 
-    outcome = table.success[guide, instance] == 1
+    outcome = matrix.success[guide, instance] == 1
     if not outcome.any() or outcome.all():
         return None
-    who = np.eye(len(table.success))[guide]
-    which = np.eye(table.objects)[table.numbers[instance]]
-    inputs = np.concatenate([table.features[guide, instance], which, who], axis=1)
+    who = np.eye(len(matrix.success))[guide]
+    which = np.eye(matrix.objects)[matrix.numbers[instance]]
+    inputs = np.concatenate([matrix.features[guide, instance], which, who], axis=1)
     model = ExtraTreesClassifier(
         settings.trees,
         min_samples_leaf=2,
@@ -310,21 +328,23 @@ def _grow_direct(
 
 
 def _trials(
-    table: DesignMatrix,
+    matrix: DesignMatrix,
     guide: Int[ndarray, "m"],
     instance: Int[ndarray, "m"],
     tried: Bool[ndarray, "o"],
 ) -> tuple[Float[ndarray, "t 4 4"], Int[ndarray, "t"], Bool[ndarray, "t"]]:
-    """Errors, objects and outcomes: of tried grasps, and simulated ones of objects without any."""
-    has_error = np.isfinite(table.obj_T_est[guide, instance]).all(axis=(1, 2))
+    """Return pose errors, objects and outcomes of trials.
+
+    Those of tried grasps, and simulated ones of objects that have no tried grasp.
+    """
+    has_error = np.isfinite(matrix.obj_T_est[guide, instance]).all(axis=(1, 2))
     guide, instance = guide[has_error], instance[has_error]
-    poses, numbers = table.obj_T_est[guide, instance], table.numbers[instance]
-    success = table.success[guide, instance] == 1
-    if table.simulated is None:
+    poses, numbers = matrix.obj_T_est[guide, instance], matrix.numbers[instance]
+    success = matrix.success[guide, instance] == 1
+    if matrix.simulated is None:
         return poses, numbers, success
-    # What was tried is better known than what was simulated.
-    lacking = ~tried[table.simulated[1]]
-    more = [part[lacking] for part in table.simulated]
+    lacking = ~tried[matrix.simulated[1]]
+    more = [part[lacking] for part in matrix.simulated]
     return (
         np.concatenate([poses, more[0]]),
         np.concatenate([numbers, more[1]]),
@@ -333,7 +353,7 @@ def _trials(
 
 
 def _columns(names: Sequence[str]) -> Int[ndarray, "c"]:
-    """Numbers of the error model's inputs, the nine axes and the distance; how many inputs."""
+    """Return the numbers of the columns that :attr:`Blend.columns` describes."""
     inputs = [
         i
         for i, name in enumerate(names)
@@ -353,7 +373,7 @@ def _expit(x: ndarray) -> ndarray:
 
 
 def _calibrate(forecast: ndarray, outcome: ndarray) -> Float[ndarray, "2"]:
-    """Slope and shift of the log-odds; none where outcomes are too few or all alike."""
+    """Fit slope and intercept on the log-odds; (1, 0) if outcomes are too few or all equal."""
     from sklearn.linear_model import LogisticRegression
 
     has = ~np.isnan(forecast) & ~np.isnan(outcome)
@@ -361,5 +381,5 @@ def _calibrate(forecast: ndarray, outcome: ndarray) -> Float[ndarray, "2"]:
         return np.array([1.0, 0.0])
     model = LogisticRegression(C=1.0).fit(_logit(forecast[has])[:, None], outcome[has])
     slope = float(model.coef_[0, 0])
-    # Forecasts that say nothing about new scenes are not turned around.
+    # A negative slope would invert forecasts that carry no information about new scenes.
     return np.array([slope, float(model.intercept_[0])]) if slope > 0 else np.array([1.0, 0.0])

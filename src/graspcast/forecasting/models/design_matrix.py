@@ -1,4 +1,4 @@
-"""Lessons as numbers, ready for forests."""
+"""The design matrix: training data as arrays of numbers, from which forests are grown."""
 
 from __future__ import annotations
 
@@ -23,30 +23,31 @@ __all__ = ["DesignMatrix"]
 
 @dataclass(frozen=True, eq=False)
 class DesignMatrix:
-    """Lessons as numbers: for each estimator as the one that guides, its features and outcomes.
+    """Training data as arrays: features, outcomes and pose errors for each guiding estimator.
 
     Attributes
     ----------
     principal
-        The number of the principal among the estimators.
+        Number of the principal among the K estimators.
     names
-        Of the principal's features.
+        Names of the principal's features.
     features
         The set ``full`` with each estimator in turn as the principal, (K, n, d).
     success
         1, 0, or NaN, (K, n).
     truth
-        Where the truth lies in each estimate's ray frame, NaN where unknown, (K, n, 6).
+        True pose in each estimate's ray frame (:func:`graspcast.pose.ray_frame.relative`), NaN
+        where unknown, (K, n, 6).
     obj_T_est
-        The errors, (K, n, 4, 4); a turn by a symmetry is none.
+        Pose errors, up to the object's symmetries, (K, n, 4, 4).
     numbers
-        Each instance's object, -1 for one that is not among the objects, (n,).
+        Each instance's object number, -1 for one that is not among the objects, (n,).
     groups
         Each instance's scene (or block of frames), (n,).
     objects
-        How many objects there are.
+        Number of objects.
     simulated
-        Errors, objects and outcomes of simulated trials of these objects.
+        Pose errors, object numbers and outcomes of simulated trials of these objects.
     """
 
     principal: int
@@ -66,18 +67,18 @@ class DesignMatrix:
         return self.features[self.principal]
 
     @property
-    def samples(self) -> Bool[ndarray, "n"]:
-        """Which instances have an outcome of the principal's."""
+    def is_tried(self) -> Bool[ndarray, "n"]:
+        """Which instances have an outcome of a grasp that the principal guided."""
         return ~np.isnan(self.success[self.principal])
 
     @classmethod
     def of(
         cls, training_data: TrainingData, objects: Sequence[str], models: Mapping[str, Models]
     ) -> DesignMatrix:
-        """Look up everything once, for all the forests that will be grown from parts of it."""
+        """Compute the arrays once, for all forests that are grown from parts of them."""
         estimates = training_data.estimates
         number = {name: i for i, name in enumerate(objects)}
-        # What has neither outcomes nor simulated trials still shows how estimators err.
+        # Instances of other objects still train the error model.
         numbers = np.array(
             [number.get(name, UNSEEN) for name in estimates.objects.tolist()], dtype=np.int64
         )

@@ -1,4 +1,4 @@
-"""TODO."""
+"""One-hot encoding of objects and grippers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["UNSEEN", "one_hot", "one_hot_numbers"]
 
 
 def one_hot(names: Iterable[str], known: tuple[str, ...], kind: str) -> Float[ndarray, "n k"]:
-    """A row for each name, with a 1 at its place among the known ones.
+    """Encode names as one-hot rows over the known names.
 
     Raises
     ------
@@ -34,5 +34,5 @@ UNSEEN = -1
 
 
 def one_hot_numbers(numbers: Int[ndarray, "n"], count: int) -> Float[ndarray, "n count"]:
-    """A one for the object of each row; for an unseen one, which is none of them, zeros."""
+    """Encode object numbers as one-hot rows; an unseen object (-1) is a row of zeros."""
     return np.concatenate([np.eye(count), np.zeros((1, count))])[numbers]

@@ -1,8 +1,8 @@
-"""Forests of trees as flat arrays: written without pickle, walked by compiled code.
+"""Decision forests as flat arrays, saved without pickle and evaluated by compiled code.
 
-A forest is grown by scikit-learn and then only read: its nodes are laid out depth first, so that
-the left child of a node is the next one. A file of them does not depend on the version of
-scikit-learn, and one row takes microseconds instead of milliseconds.
+A forest is grown by scikit-learn and then only read. Nodes are stored depth first, so the left
+child of a node is the next one. Files do not depend on the version of scikit-learn, and a forecast
+of one row takes microseconds instead of milliseconds.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ __all__ = ["Forest", "flatten", "walk"]
 
 @dataclass(frozen=True, eq=False)
 class Forest:
-    """Trees of one forest.
+    """A forest of binary decision trees.
 
     Attributes
     ----------
     feature
-        Which column a node looks at, -1 at a leaf, (nodes,).
+        Column that a node tests, -1 at a leaf, (nodes,).
     threshold
-        Left if the column is this or less, (nodes,).
+        A row goes left if its value is at most this, (nodes,).
     right
-        The right child's number; at a leaf the leaf's number in its tree, (nodes,).
+        Number of the right child; at a leaf the leaf's number in its tree, (nodes,).
     value
-        At a leaf: what it answers, (nodes,).
+        Prediction of a leaf, (nodes,).
     roots
-        Each tree's first node, and the number of nodes, (trees + 1,).
+        First node of each tree, and the number of nodes, (trees + 1,).
     """
 
     feature: Int[ndarray, "nodes"]
@@ -45,36 +45,35 @@ class Forest:
 
     @property
     def trees(self) -> int:
-        """How many trees."""
+        """Number of trees."""
         return len(self.roots) - 1
 
     def mean(self, rows: Float[ndarray, "n d"]) -> Float[ndarray, "n"]:
-        """The trees' average answer to each row."""
+        """Predict each row: the mean of the trees' predictions."""
         return _mean(np.ascontiguousarray(rows, np.float32), *self.arrays())
 
     def leaves(self, rows: Float[ndarray, "n d"]) -> Int[ndarray, "n trees"]:
-        """The number, in its tree, of the leaf in which each row ends."""
+        """Return the number, within its tree, of the leaf that each row reaches."""
         return _leaves(np.ascontiguousarray(rows, np.float32), *self.arrays())
 
     def arrays(self) -> tuple[ndarray, ...]:
-        """Its arrays, in the order of the attributes."""
+        """Return its arrays, in the order of the attributes."""
         return tuple(getattr(self, f.name) for f in fields(self))
 
     def to_arrays(self, prefix: str) -> dict[str, ndarray]:
-        """Named arrays."""
+        """Return its arrays by name."""
         return {f"{prefix}/{f.name}": getattr(self, f.name) for f in fields(self)}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray], prefix: str) -> Forest:
-        """The inverse of :meth:`to_arrays`."""
+        """Restore what :meth:`to_arrays` returned."""
         return cls(*(arrays[f"{prefix}/{f.name}"] for f in fields(cls)))
 
 
 def flatten(model: Any) -> Forest:
-    """A scikit-learn forest (classifier of two classes, or regressor) as arrays.
+    """Convert a scikit-learn forest (classifier of two classes, or regressor) to arrays.
 
-    A classifier answers with the share of its second class, a regressor of several outputs with
-    the first; whoever asks only for leaves does not mind.
+    A classifier predicts the share of its second class, a regressor of several outputs the first.
     """
     feature, threshold, right, value, roots = [], [], [], [], [0]
     for member in model.estimators_:
@@ -83,7 +82,7 @@ def flatten(model: Any) -> Forest:
         inner = ~leaf
         assert (tree.children_left[inner] == np.flatnonzero(inner) + 1).all(), "not depth first"
         offset = roots[-1]
-        # Rounded down, so that comparing in single precision decides as double precision does.
+        # Rounded down, so that comparisons in single precision equal those in double precision.
         rounded = tree.threshold.astype(np.float32)
         rounded = np.where(
             rounded > tree.threshold, np.nextafter(rounded, np.float32(-np.inf)), rounded
@@ -108,10 +107,10 @@ def flatten(model: Any) -> Forest:
 @no_type_check
 @njit(cache=True, inline="always")
 def walk(row, node, feature, threshold, right):
-    """The leaf in which a row ends, from a tree's first node."""
+    """Return the leaf that a row reaches from a tree's first node."""
     column = feature[node]
     while column >= 0:
-        # Arithmetic instead of a branch, which the processor would guess wrong every other time.
+        # Arithmetic instead of a branch, which the processor would often mispredict.
         left = row[column] <= threshold[node]
         node = right[node] + (node + 1 - right[node]) * left
         column = feature[node]

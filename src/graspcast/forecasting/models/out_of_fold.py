@@ -1,4 +1,4 @@
-"""Forecasts of training instances by forests that had not seen their scenes."""
+"""Out-of-fold predictions: forecasts of training instances by models fit without their scenes."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ __all__ = ["OutOfFold"]
 
 @dataclass(frozen=True, eq=False)
 class OutOfFold:
-    """What calibration was learned from; a promise's thresholds are put in order by it.
+    """Out-of-fold predictions with outcomes, for calibration and for ordering thresholds.
 
     Attributes
     ----------
     probability
-        Calibrated, (m,).
+        Calibrated forecasts, (m,).
     success
         Outcomes, (m,).
     image
@@ -31,16 +31,16 @@ class OutOfFold:
     image: ndarray
 
     def units(self, kind: str) -> ndarray:
-        """Each one's ``scene`` or ``image``."""
+        """Return the ``scene`` or ``image`` of each prediction."""
         if kind == "image":
             return self.image
         return np.array([name.rpartition("/")[0] for name in self.image.tolist()])
 
     def to_arrays(self) -> dict[str, ndarray]:
-        """Named arrays."""
+        """Return everything as named arrays."""
         return {f"out_of_fold/{f.name}": getattr(self, f.name) for f in fields(self)}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray]) -> OutOfFold:
-        """The inverse of :meth:`to_arrays`."""
+        """Restore what :meth:`to_arrays` returned."""
         return cls(*(arrays[f"out_of_fold/{f.name}"] for f in fields(cls)))

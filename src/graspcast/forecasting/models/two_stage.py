@@ -1,12 +1,16 @@
-"""Where the principal's error may lie, and whether the grasp forgives it.
+"""The two-stage model: a distribution of the pose error, and success given the pose error.
 
-Two stages instead of one. **Errors**: a forest learns, from poses and ground truth alone and from
-all objects together, where the true pose lies in the principal's ray frame, given how the
-supporters disagree. Its leaves hold training instances; those that a new instance meets there are
-draws from a distribution that has no shape imposed on it (quantile regression forests, Meinshausen
-2006, for a 6-D answer). **Survival**: a forest learns, from outcomes or from simulated trials,
-which errors in the object's frame a grasp of that object forgives, whoever made them. The forecast
-is the second, averaged over draws from the first.
+Stage one, the **error model**, is a forest that is fitted on poses and ground truth of all objects
+together. Given how the supporters disagree, it predicts the distribution of the true pose in the
+principal's ray frame. Each leaf holds training instances, and those in the leaves that a new
+instance reaches are draws from a nonparametric distribution (a quantile regression forest with a
+6-D response). Stage two, **success given error**, is a forest that is fitted on outcomes or
+simulated trials: from the pose error in the object's frame, and the object, to success, whichever
+estimator made the error. The forecast is the mean of stage two over draws from stage one.
+
+References
+----------
+N. Meinshausen, *Quantile Regression Forests*, Journal of Machine Learning Research, 2006.
 """
 
 from __future__ import annotations
@@ -29,20 +33,20 @@ __all__ = ["ErrorModel", "SuccessGivenError", "expected_success"]
 
 @dataclass(frozen=True, eq=False)
 class ErrorModel:
-    """A distribution of where the truth lies, given features.
+    """Conditional distribution of the true pose in the estimate's ray frame, given features.
 
     Attributes
     ----------
     forest
-        Its leaves are all that is used of it.
+        Assigns a row to a leaf of each tree.
     first
-        Where each leaf's members begin in ``members``, leaf by leaf, tree by tree.
+        Index in ``members`` of each leaf's first member, leaf by leaf, tree by tree.
     offset
-        The number of the first leaf of each tree, (trees,).
+        Number of the first leaf of each tree, (trees,).
     members
-        Training instances, by number.
+        Numbers of the training instances in each leaf.
     truth
-        Where the truth lay of each, in its estimate's ray frame (see
+        Each training instance's true pose in its estimate's ray frame (see
         :func:`graspcast.pose.ray_frame.relative`), (m, 6).
     """
 
@@ -56,7 +60,7 @@ class ErrorModel:
     def fit(
         cls, features: Float[ndarray, "m d"], truth: Float[ndarray, "m 6"], *, trees: int, seed: int
     ) -> ErrorModel:
-        """Learn from instances whose truth is known."""
+        """Fit on instances whose true pose is known."""
         from sklearn.ensemble import ExtraTreesRegressor
 
         model = ExtraTreesRegressor(
@@ -78,7 +82,7 @@ class ErrorModel:
         )
 
     def draws(self, features: Float[ndarray, "n d"], count: int) -> Float[ndarray, "n count 6"]:
-        """Where the truth may lie: equally likely draws, always the same for the same row."""
+        """Draw true poses from the distribution; the draws are the same for equal rows."""
         leaves = self.forest.leaves(features) + self.offset
         trees = np.arange(count) % self.forest.trees
         start, stop = self.first[leaves[:, trees]], self.first[leaves[:, trees] + 1]
@@ -86,13 +90,13 @@ class ErrorModel:
         return self.truth[self.members[place]]
 
     def to_arrays(self, prefix: str) -> dict[str, ndarray]:
-        """Named arrays."""
+        """Return everything learned as named arrays."""
         own = {name: getattr(self, name) for name in ("first", "offset", "members", "truth")}
         return {f"{prefix}/{k}": v for k, v in own.items()} | self.forest.to_arrays(f"{prefix}/f")
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray], prefix: str) -> ErrorModel:
-        """The inverse of :meth:`to_arrays`."""
+        """Restore what :meth:`to_arrays` returned."""
         names = ("first", "offset", "members", "truth")
         return cls(
             Forest.from_arrays(arrays, f"{prefix}/f"), *(arrays[f"{prefix}/{k}"] for k in names)
@@ -100,21 +104,21 @@ class ErrorModel:
 
 
 def _places(count: int) -> Float[ndarray, "count"]:
-    """Numbers in [0, 1) that fill it evenly: multiples of the golden ratio."""
+    """Return evenly spread numbers in [0, 1): multiples of the golden ratio (low discrepancy)."""
     return np.asarray((np.arange(1, count + 1) * 0.6180339887498949) % 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class SuccessGivenError:
-    """Which errors a grasp forgives: a forest on the error and the object.
+    """Probability of success given the pose error and the object.
 
     Attributes
     ----------
     forest
-        Its inputs: the error's origin (m), rotation vector (rad), their lengths, and one column for
-        each object.
+        Its inputs are the error's translation (m), rotation vector (rad), their lengths, and the
+        object's one-hot vector.
     objects
-        How many there are.
+        Number of objects.
     """
 
     forest: Forest
@@ -131,7 +135,7 @@ class SuccessGivenError:
         trees: int,
         seed: int,
     ) -> SuccessGivenError:
-        """Learn from trials whose error and outcome are known."""
+        """Fit on trials whose pose error and outcome are known."""
         from sklearn.ensemble import ExtraTreesClassifier
 
         rows = np.concatenate([_error_inputs(obj_T_est), np.eye(objects)[numbers]], axis=1)
@@ -143,7 +147,7 @@ class SuccessGivenError:
     def probability(
         self, obj_T_est: Float[ndarray, "n 4 4"], numbers: Int[ndarray, "n"]
     ) -> Float[ndarray, "n"]:
-        """Of success, of grasps guided by estimates with known errors."""
+        """Forecast the probability of success of grasps guided by estimates with known errors."""
         return self.forest.mean(
             np.concatenate([_error_inputs(obj_T_est), np.eye(self.objects)[numbers]], axis=1)
         )
@@ -166,25 +170,25 @@ def expected_success(
     draws: int = 128,
     trees: int = 4,
 ) -> Float[ndarray, "n"]:
-    """The probability of survival, averaged over where the truth may lie.
+    """Compute the probability of success, averaged over draws of the pose error.
 
     Parameters
     ----------
-    errors, survival
+    errors, success_given_error
         The two stages.
     features
-        Inputs of the first.
+        Inputs of the error model.
     axes
         :func:`graspcast.pose.ray_frame.obj_R_ray` of each estimate.
     distance
-        Of each from the camera, metres.
+        Distance of each from the camera, metres.
     numbers
-        Each instance's object in the second stage.
+        Each instance's object number in the second stage.
     draws
-        Of the truth, for each instance.
+        Pose errors drawn for each instance.
     trees
-        Of the second stage that judge each draw; another few for every draw, so that all have their
-        say.
+        Trees of the second stage that evaluate each draw; a different few for every draw, so that
+        all trees take part.
     """
     return _expected(
         np.ascontiguousarray(features, np.float32),
@@ -221,10 +225,10 @@ def _exp(v, out):
 def _expected(
     rows, axes, distance, numbers,
     feature, threshold, right, value, roots, first, offset, members, truth,
-    s_feature, s_threshold, s_right, s_value, s_roots, objects, places, judges,
+    s_feature, s_threshold, s_right, s_value, s_roots, objects, places, trees_a_draw,
 ):  # fmt: skip
     trees, s_trees, draws = len(roots) - 1, len(s_roots) - 1, len(places)
-    stride = max(1, s_trees // judges)
+    stride = max(1, s_trees // trees_a_draw)
     out = np.empty(len(rows))
     for i in prange(len(rows)):
         inputs = np.zeros((draws, 8 + objects), dtype=np.float32)
@@ -235,15 +239,15 @@ def _expected(
             leaf = right[walk(rows[i], roots[tree], feature, threshold, right)] + offset[tree]
             size = first[leaf + 1] - first[leaf]
             drawn = truth[members[first[leaf] + int(places[draw] * size)]]
-            # As in pose.ray_frame.error_along; a rotation vector in the ray frame, turned about,
-            # is that of the error in the object's.
+            # As in pose.ray_frame.error_along; the negated rotation vector, rotated from the ray
+            # frame into the object's, is that of the pose error.
             _exp(drawn[3:], turn)
             A, row = axes[i], inputs[draw]
             for r in range(3):
                 back = 0.0
                 vector = 0.0
                 for c in range(3):
-                    # (Dᵀ s)_c and (-ω)_c, carried over by A
+                    # (Dᵀ s)_c and (-ω)_c, rotated by A
                     shifted = turn[0, c] * drawn[0] + turn[1, c] * drawn[1] + turn[2, c] * drawn[2]
                     back += A[r, c] * shifted
                     vector -= A[r, c] * drawn[3 + c]
@@ -253,9 +257,9 @@ def _expected(
             row[7] = np.sqrt(row[3] ** 2 + row[4] ** 2 + row[5] ** 2)
         # Tree by tree, so that its nodes stay in the cache.
         total, count = 0.0, 0
-        for judge in range(s_trees):
-            for draw in range(judge % stride, draws, stride):
-                node = walk(inputs[draw], s_roots[judge], s_feature, s_threshold, s_right)
+        for tree in range(s_trees):
+            for draw in range(tree % stride, draws, stride):
+                node = walk(inputs[draw], s_roots[tree], s_feature, s_threshold, s_right)
                 total += s_value[node]
                 count += 1
         out[i] = total / count

@@ -1,1 +1,1 @@
-"""Pictures and films of grasp trials."""
+"""Pictures, films and an interactive viewer of grasp trials."""

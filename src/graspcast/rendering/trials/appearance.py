@@ -1,4 +1,4 @@
-"""What a scene looks like: the object's mesh, the estimate over it, the hand, light; no physics."""
+"""Visual model of a scene: the object's mesh, the estimate, the hand and lights; no physics."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from numpy import ndarray
 
 from graspcast.pose.transforms import quaternion
 from graspcast.simulation.grippers.protocol import Gripper
-from graspcast.simulation.objects.types import ConvexPiece, GraspObject
+from graspcast.simulation.objects.types import ConvexPiece, GraspObject, box_corners
 from graspcast.simulation.trial.recording import State
 
 __all__ = ["FOVY_DEG", "Appearance"]
 
 FOVY_DEG = 25.0
-"""The camera's vertical field of view."""
+"""Vertical field of view of the camera, degrees."""
 
 _OBJECT, _ESTIMATE = (0.93, 0.60, 0.20, 1.0), (0.10, 0.78, 0.25, 0.40)
 _WHITE, _LINE = (0.97, 0.97, 0.97), (0.66, 0.67, 0.68)
@@ -25,25 +25,25 @@ _AWAY[2, 3] = -100.0
 
 
 class Appearance:
-    """A model of what is to be seen, in which poses are simply set.
+    """Visual model of a scene, in which the poses of object, estimate and hand are set directly.
 
     Parameters
     ----------
     grasp_object
-        The object; without a mesh its collision pieces are shown.
+        The object; if it has no mesh, its collision pieces are shown.
     gripper
         The gripper.
     collision
         Show the collision pieces in place of the mesh.
     width, height
-        Pixels of the largest picture to be drawn off screen.
+        Size of the largest off-screen picture, pixels.
 
     Attributes
     ----------
     model, data
-        MuJoCo's, for a renderer or a viewer.
+        MuJoCo's model and state, for a renderer or viewer.
     object_corners
-        Of a box about the object, in its frame, metres.
+        Corners of boxes about the object, in its frame, metres.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class Appearance:
         self.object_corners: Float[ndarray, "n 3"] = self._boxes("object")
 
     def pose(self, state: State, sim_T_est: Float[ndarray, "4 4"] | None = None) -> None:
-        """Bring the model into a state, and show the estimate where one is given."""
+        """Set the model to a state, and show the estimate if one is given."""
         import mujoco
 
         for name, pose in (
@@ -84,17 +84,16 @@ class Appearance:
         mujoco.mj_tendon(self.model, self.data)
 
     def hand_corners(self, state: State) -> Float[ndarray, "n 3"]:
-        """Corners of boxes about the hand's parts in a state, in the world's frame, metres."""
+        """Return corners of boxes about the hand's parts in a state, in the world frame, metres."""
         self.pose(state)
         return self._boxes("hand")
 
     def _boxes(self, name: str) -> Float[ndarray, "n 3"]:
-        """Corners of the boxes about the geoms of a mocap body and all that hangs on it."""
+        """Return corners of the boxes about the geoms of a mocap body and its descendants."""
         root = self.model.body(name).id
         geoms = np.flatnonzero(self.model.body_rootid[self.model.geom_bodyid] == root)
         box = self.model.geom_aabb[geoms]
-        signs = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), axis=-1).reshape(-1, 3)
-        local = box[:, None, :3] + signs * box[:, None, 3:]
+        local = box[:, None, :3] + box_corners(box[:, 3:])
         rotation = self.data.geom_xmat[geoms].reshape(-1, 3, 3)
         world = np.einsum("gij,gkj->gki", rotation, local)
         world += self.data.geom_xpos[geoms][:, None]
@@ -104,10 +103,32 @@ class Appearance:
 def _model(
     grasp_object: GraspObject, gripper: Gripper, width: int, height: int, collision: bool
 ) -> Any:
-    """What is to be seen; every movable thing is a mocap body, so that poses are simply set."""
+    """Return the compiled model; object, estimate and hand are mocap bodies."""
     import mujoco
 
     spec = mujoco.MjSpec()
+    _add_surroundings(spec, width, height)
+    for name, rgba in (("object", _OBJECT), ("estimate", _ESTIMATE)):
+        material = spec.add_material(name=name, rgba=rgba, specular=0.25, shininess=0.4)
+        body = spec.worldbody.add_body(name=name, mocap=True)
+        _add_shape(spec, body, grasp_object, material.name, collision)
+    hand = gripper.spec()
+    for key in list(hand.keys):
+        hand.delete(key)
+    for light in list(hand.lights):
+        hand.delete(light)
+    carrier = spec.worldbody.add_body(name="hand", mocap=True)
+    carrier.add_frame().attach_body(hand.worldbody.first_body(), "hand/", "")
+    model = spec.compile()
+    base = int(np.flatnonzero(model.body_parentid == model.body("hand").id)[0])
+    model.body_pos[base], model.body_quat[base] = 0.0, (1.0, 0.0, 0.0, 0.0)
+    return model
+
+
+def _add_surroundings(spec: Any, width: int, height: int) -> None:
+    """Add the camera's settings, sky, table and lights."""
+    import mujoco
+
     visual = spec.visual
     visual.global_.fovy = FOVY_DEG
     visual.global_.offwidth, visual.global_.offheight = width, height
@@ -137,7 +158,7 @@ def _model(
         width=128,
         height=128,
     )
-    # Lines every 100 mm: MuJoCo lays half as many textures on a metre of a plane as are asked for.
+    # Lines every 100 mm: on a plane MuJoCo repeats a texture half as often as specified.
     table = spec.add_material(
         name="table", texrepeat=(20, 20), texuniform=True, specular=0, emission=0.12
     )
@@ -155,27 +176,12 @@ def _model(
             specular=3 * (0.1,),
             castshadow=shadow,
         )
-    for name, rgba in (("object", _OBJECT), ("estimate", _ESTIMATE)):
-        material = spec.add_material(name=name, rgba=rgba, specular=0.25, shininess=0.4)
-        body = spec.worldbody.add_body(name=name, mocap=True)
-        _add_shape(spec, body, grasp_object, material.name, collision)
-    hand = gripper.spec()
-    for key in list(hand.keys):
-        hand.delete(key)
-    for light in list(hand.lights):
-        hand.delete(light)
-    carrier = spec.worldbody.add_body(name="hand", mocap=True)
-    carrier.add_frame().attach_body(hand.worldbody.first_body(), "hand/", "")
-    model = spec.compile()
-    base = int(np.flatnonzero(model.body_parentid == model.body("hand").id)[0])
-    model.body_pos[base], model.body_quat[base] = 0.0, (1.0, 0.0, 0.0, 0.0)
-    return model
 
 
 def _add_shape(
     spec: Any, body: Any, grasp_object: GraspObject, material: str, collision: bool
 ) -> None:
-    """The object's mesh, or its collision pieces where those are wanted or all there is."""
+    """Add the object's mesh, or its collision pieces if requested or if there is no mesh."""
     import mujoco
 
     look = {"material": material, "contype": 0, "conaffinity": 0}

@@ -1,4 +1,4 @@
-"""All reference grasps on one sheet, each with the closed hand (the paper's Figure 2)."""
+"""Contact sheet of reference grasps: the closed hand on each object (the paper's Figure 2)."""
 
 from __future__ import annotations
 
@@ -15,30 +15,29 @@ from graspcast.errors import ExtraMissingError, InputError
 from graspcast.rendering.drawing import FAINT, INK, blank, save_png, write
 from graspcast.rendering.trials.film import describe, write_outcome
 from graspcast.rendering.trials.renderer import SceneRenderer
-from graspcast.simulation.grasps.table import GraspTable
+from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.catalogue import Catalogue, ObjectEntry
 from graspcast.simulation.objects.load import BopDirectories, load_object
+from graspcast.simulation.objects.types import GraspObject
 from graspcast.simulation.trial.recording import record_trial
 from graspcast.simulation.trial.trial import Outcome, TrialRunner
 
 __all__ = ["Cell", "draw_cells", "save_sheet"]
 
-Progress = Callable[[float], None]
-
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """One field of a contact sheet.
+    """One cell of a contact sheet.
 
     Attributes
     ----------
     pixels
-        The picture, or None for an empty field.
+        The picture, or None for an empty cell.
     note
-        What is written below it; in an empty field, why it is empty.
+        Text below it; in an empty cell, the reason.
     outcome
-        The outcome of the trial that it shows, if any.
+        Outcome of the trial, if any.
     """
 
     pixels: UInt8[ndarray, "h w 3"] | None
@@ -55,15 +54,34 @@ def draw_cells(
     bop_dirs: BopDirectories | None = None,
     size: int = 320,
     collision: bool = False,
-    progress: Progress | None = None,
+    progress: Callable[[float, str], None] | None = None,
 ) -> dict[tuple[str, str], Cell]:
-    """Try every reference grasp with a perfect estimate and draw the hand when it has closed.
+    """Run each reference grasp with a perfect estimate, and draw the closed hand.
 
-    A pair without a grasp, and an object without a mesh, has an empty field that says so.
+    The cell is empty if there is no grasp, or no mesh of the object.
+
+    Parameters
+    ----------
+    entries
+        Objects.
+    grippers
+        Grippers.
+    grasps
+        Reference grasps.
+    catalogue
+        The catalogue of the objects.
+    bop_dirs
+        BOP directory by dataset.
+    size
+        Size of a picture, pixels.
+    collision
+        Draw the collision pieces instead of the mesh.
+    progress
+        Called with the share done and a short message.
 
     Returns
     -------
-        A field for every pair of an object's and a gripper's name.
+        Cells by name of object and gripper.
     """
     cells: dict[tuple[str, str], Cell] = {}
     total = len(entries) * len(grippers)
@@ -80,19 +98,21 @@ def draw_cells(
             elif missing is not None:
                 cells[pair] = missing
             else:
-                reference = grasps(*pair)
-                runner = TrialRunner(reference.applied_to(target), gripper)
-                recording = record_trial(runner, np.eye(4), reference.grasp)
-                state = (recording.of("close") or recording.states)[-1]
-                with SceneRenderer(
-                    target, gripper, width=size, height=size, collision=collision
-                ) as renderer:
-                    pixels = renderer.image(state, renderer.close_up(state))
-                outcome = recording.outcome
-                cells[pair] = Cell(pixels, describe(outcome), outcome)
+                cells[pair] = _draw_cell(target, gripper, grasps(*pair), size, collision)
             if progress is not None:
-                progress(len(cells) / total)
+                progress(len(cells) / total, f"{entry.name} by {gripper.name}")
     return cells
+
+
+def _draw_cell(
+    target: GraspObject, gripper: Gripper, reference: ReferenceGrasp, size: int, collision: bool
+) -> Cell:
+    runner = TrialRunner(reference.applied_to(target), gripper)
+    recording = record_trial(runner, np.eye(4), reference.grasp)
+    state = (recording.of("close") or recording.states)[-1]
+    with SceneRenderer(target, gripper, width=size, height=size, collision=collision) as renderer:
+        pixels = renderer.image(state, renderer.close_up(state))
+    return Cell(pixels, describe(recording.outcome), recording.outcome)
 
 
 def save_sheet(
@@ -104,22 +124,22 @@ def save_sheet(
     size: int,
     columns: int = 5,
 ) -> None:
-    """A PNG with a field for each object and gripper, ``columns`` objects side by side.
+    """Write a contact sheet as PNG, with a cell for each object and gripper.
 
     Parameters
     ----------
     path
-        Where to.
+        Path of the PNG file.
     objects
         Name and label of each object, in order.
     grippers
-        Names; their fields of one object are below one another.
+        Names of the grippers; the cells of one object are below one another.
     cells
-        By name of object and gripper.
+        Cells by name of object and gripper.
     size
-        Of a field's picture, pixels.
+        Size of a picture, pixels.
     columns
-        Objects in a row.
+        Number of objects in a row.
 
     Raises
     ------

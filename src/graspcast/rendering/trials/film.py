@@ -1,4 +1,4 @@
-"""Trials as files to look at: a strip of pictures, or a film."""
+"""Trials as image files: a strip of pictures, or a film."""
 
 from __future__ import annotations
 
@@ -18,28 +18,27 @@ from graspcast.rendering.trials.renderer import SceneRenderer
 from graspcast.simulation.trial.recording import Recording, State
 from graspcast.simulation.trial.trial import Outcome
 
-__all__ = ["describe", "endings", "save_film", "save_strip", "strip_states"]
+__all__ = ["describe", "save_film", "save_strip", "strip_states", "suffixes", "write_outcome"]
 
-Progress = Callable[[float], None]
 _FPS = {".mp4": 25.0, ".gif": 12.5}
 _LINGER_S = 1.0
 _LIFTED_M = 0.05
 
 
-def endings() -> tuple[str, ...]:
-    """The endings of files that a trial can be drawn to."""
+def suffixes() -> tuple[str, ...]:
+    """Return the suffixes of the file formats in which a trial can be drawn."""
     return (*_FPS, ".png")
 
 
 def describe(outcome: Outcome) -> str:
-    """An outcome in a few words."""
+    """Describe an outcome in a few words: its reason, and the offset if there is one."""
     if np.isnan(outcome.offset_m):
         return outcome.reason
     return f"{outcome.reason}, offset {_length(outcome.offset_m)}"
 
 
 def strip_states(recording: Recording) -> list[tuple[str, State]]:
-    """What a strip shows: each moment's name and state, as far as the trial came."""
+    """Return the name and state of each picture of a strip, as far as the trial went."""
     approach, close, lift = (recording.of(phase) for phase in ("approach", "close", "lift"))
     out = [("pre-grasp", recording.states[0])]
     if len(approach) > 1:
@@ -58,7 +57,7 @@ def strip_states(recording: Recording) -> list[tuple[str, State]]:
 def save_strip(
     path: str | PathLike[str], recording: Recording, renderer: SceneRenderer, title: str
 ) -> None:
-    """A PNG of the moments of :func:`strip_states` side by side, and the outcome.
+    """Write a PNG of the states of :func:`strip_states` side by side, and the outcome.
 
     Raises
     ------
@@ -85,19 +84,21 @@ def save_film(
     recording: Recording,
     renderer: SceneRenderer,
     title: str,
-    progress: Progress | None = None,
+    progress: Callable[[float, str], None] | None = None,
 ) -> None:
-    """A film in real time, MP4 or GIF by the ending, that lingers on the last picture.
+    """Write a film in real time, as MP4 or GIF by the suffix of the path.
+
+    The last picture is shown for 1 s longer.
 
     Raises
     ------
     ExtraMissingError
-        If for MP4 the encoder is not installed.
+        If the encoder for MP4 is not installed.
     InputError
         If the file cannot be written.
     """
-    ending = Path(path).suffix.lower()
-    fps = _FPS[ending]
+    suffix = Path(path).suffix.lower()
+    fps = _FPS[suffix]
     views = dict(zip(map(id, recording.states), renderer.views(recording), strict=True))
     states = recording.every(1.0 / fps)
 
@@ -107,15 +108,16 @@ def save_film(
             pixels = renderer.image(state, views[id(state)], recording.overlay(state))
             frame = _captioned(pixels, title, state.phase, recording.outcome if last else None)
             if progress is not None:
-                progress((k + 1) / len(states))
+                progress((k + 1) / len(states), f"frame {k + 1} of {len(states)}")
             yield from (round(fps * _LINGER_S) if last else 1) * (frame,)
 
     size = (renderer.width, renderer.height)
     with atomic_write(path) as temporary:
-        (_write_mp4 if ending == ".mp4" else _write_gif)(temporary, frames(), size, fps)
+        (_write_mp4 if suffix == ".mp4" else _write_gif)(temporary, frames(), size, fps)
 
 
 def write_outcome(draw: Any, at: tuple[int, int], outcome: Outcome, size: int, anchor: str) -> None:
+    """Write an outcome on a picture, green if it is a success and red if not."""
     write(draw, at, describe(outcome), size, GOOD if outcome.success else BAD, anchor)
 
 
@@ -139,7 +141,7 @@ def _write_gif(
 ) -> None:
     from PIL import Image
 
-    # One palette for all frames, so that a still background stays still.
+    # One palette for all frames, so that the background does not flicker.
     first = Image.fromarray(next(frames)).quantize(128, dither=Image.Dither.NONE)
     rest = (Image.fromarray(f).quantize(palette=first, dither=Image.Dither.NONE) for f in frames)
     first.save(
@@ -165,7 +167,7 @@ def _write_mp4(
         fps=fps,
         quality=8,
         macro_block_size=2,
-        # The temporary file's name says nothing of its format.
+        # The temporary file has no suffix from which the format could be inferred.
         output_params=["-f", "mp4", "-movflags", "+faststart"],
     )
     film.send(None)

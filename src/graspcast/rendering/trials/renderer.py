@@ -1,4 +1,4 @@
-"""Pictures of a scene without a display: the object, the estimate as a green overlay, the hand."""
+"""Off-screen renderer of trials: the object, the hand, and the estimate as a green overlay."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MARGIN = 1.06
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Where a picture is taken from: looking at a point, from a direction, at a distance (m)."""
+    """Viewpoint of a picture: the point looked at, the direction, and the distance (m)."""
 
     lookat: Float[ndarray, " 3"]
     distance: float
@@ -31,27 +31,27 @@ class View:
 
 
 class SceneRenderer:
-    """Draws states of trials of one object with one gripper.
+    """Renderer of the states of trials of one object with one gripper.
 
-    By OpenGL, or in software where there is none
-    (:func:`graspcast.rendering.backend.why_software`). Use it in one thread, and as a context
-    manager.
+    Uses OpenGL, or a software renderer if OpenGL is not available
+    (:func:`graspcast.rendering.backend.why_software`). Use it as a context manager, and in one
+    thread only.
 
     Parameters
     ----------
     grasp_object
-        The object; without a mesh its collision pieces are drawn.
+        The object; if it has no mesh, its collision pieces are drawn.
     gripper
         The gripper.
     width, height
-        Pixels.
+        Size of the pictures, pixels.
     collision
-        Draw the collision pieces in place of the mesh.
+        Draw the collision pieces instead of the mesh.
 
     Raises
     ------
     InputError
-        If ``MUJOCO_GL`` names no backend of OpenGL.
+        If ``MUJOCO_GL`` does not name an OpenGL backend.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class SceneRenderer:
     def image(
         self, state: State, view: View, sim_T_est: Float[ndarray, "4 4"] | None = None
     ) -> UInt8[ndarray, "h w 3"]:
-        """A picture of a state; with the estimate laid over it where one is given."""
+        """Draw a state, with the estimate as an overlay if one is given."""
         import mujoco
 
         if self._drawer is None:
@@ -94,9 +94,9 @@ class SceneRenderer:
         return self._drawer.draw(self._scene)
 
     def views(self, recording: Recording) -> list[View]:
-        """One view for each state: still until the lift, then it follows the hand.
+        """Return a view for each state: fixed until the lift, then following the hand.
 
-        Where the object stays behind, both are kept in the picture.
+        If the object stays behind, the view contains both.
         """
         azimuth, elevation = _direction(
             recording.states[0].sim_T_base[:3, :3] @ self.gripper.base_T_tcp[:3, :3]
@@ -120,7 +120,7 @@ class SceneRenderer:
         return out
 
     def close_up(self, state: State) -> View:
-        """A view of the object in the hand."""
+        """Return a view of the object in the hand."""
         azimuth, elevation = _direction(state.sim_T_base[:3, :3] @ self.gripper.base_T_tcp[:3, :3])
         points = [
             self._seen.hand_corners(state),
@@ -129,7 +129,7 @@ class SceneRenderer:
         return self._frame(np.concatenate(points), azimuth, elevation)
 
     def close(self) -> None:
-        """Free what is held on the graphics card, if anything."""
+        """Free the resources of the graphics card; may be called twice."""
         if self._drawer is not None:
             self._drawer.close()
         self._drawer = None
@@ -141,7 +141,7 @@ class SceneRenderer:
         self.close()
 
     def _frame(self, points: Float[ndarray, "n 3"], azimuth: float, elevation: float) -> View:
-        """The nearest view from a direction that has all points in the picture."""
+        """Return the nearest view from a direction that contains all points."""
         a, e = np.radians([azimuth, elevation])
         forward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
         right = np.array([np.sin(a), -np.cos(a), 0.0])
@@ -156,15 +156,15 @@ class SceneRenderer:
 
 
 def _direction(sim_T_tcp: Float[ndarray, "3 3"]) -> tuple[float, float]:
-    """Azimuth and elevation (degrees) from which the closing and the approach are both seen.
+    """Return azimuth and elevation (degrees) of a view that shows both closing and approach.
 
-    Nearly along y of the tool centre point's frame where that is level, else across the approach;
-    a little from the side and from above.
+    The view is nearly along y of the tool centre point's frame if that is level, else across the
+    approach; slightly from the side and from above.
     """
     _, across, approach = sim_T_tcp.T
     level = across if np.hypot(*across[:2]) > 0.5 else np.array([-approach[1], approach[0], 0.0])
     azimuth = np.degrees(np.arctan2(level[1], level[0]))
-    # Of the two sides, the one nearer to looking along the world's +y.
+    # Of the two sides, the one closer to looking along the world's +y.
     if np.cos(np.radians(azimuth - 90.0)) < 0:
         azimuth += 180.0
     steep = abs(across[2]) > 0.5

@@ -1,4 +1,4 @@
-"""A trial in MuJoCo's viewer: a recording, played in real time again and again."""
+"""Playback of a recorded trial in MuJoCo's viewer, in real time, in a loop."""
 
 from __future__ import annotations
 
@@ -17,33 +17,37 @@ from graspcast.simulation.trial.recording import Recording
 __all__ = ["check_display", "replay"]
 
 _PAUSE_S, _FRAME_S = 1.0, 0.02
-_INSTEAD = "give --out with a file that ends in .mp4, .gif or .png"
+_INSTEAD = "write the trial to a .mp4, .gif or .png file instead"
 
 
 def check_display() -> None:
-    """Make sure that a window can be opened.
+    """Raise an error if no window can be opened.
 
     Raises
     ------
     InputError
-        If there is no display, saying what to do instead.
+        If there is no display.
     ExtraMissingError
         If GLFW is not installed.
     """
     on_linux = platform.system() == "Linux"
     if on_linux and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise InputError(f"there is no display to open MuJoCo's viewer on; {_INSTEAD}")
+        raise InputError(
+            f"there is no display for MuJoCo's viewer; {_INSTEAD}", parameters=("out",)
+        )
     try:
         import glfw
     except ImportError as error:
         raise ExtraMissingError("glfw", "render") from error
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        # The viewer would wait for ever for a window that cannot be opened.
+        # The viewer would wait forever for a window that cannot be opened.
         opened = glfw.init()
     if not opened:
         why = f" ({caught[-1].message})" if caught else ""
-        raise InputError(f"MuJoCo's viewer cannot open a window{why}; {_INSTEAD}")
+        raise InputError(
+            f"MuJoCo's viewer cannot open a window{why}; {_INSTEAD}", parameters=("out",)
+        )
 
 
 def replay(
@@ -54,7 +58,7 @@ def replay(
     Raises
     ------
     InputError
-        On macOS, if not run by ``mjpython``, as the viewer needs there.
+        On macOS, if Python was not started as ``mjpython``.
     """
     from mujoco import viewer
 
@@ -66,8 +70,9 @@ def replay(
         )
     except RuntimeError as error:
         raise InputError(
-            f"MuJoCo's viewer does not start ({error}); on macOS run "
-            f"`mjpython -m graspcast watch …`, or {_INSTEAD}"
+            f"MuJoCo's viewer does not start ({error}); on macOS run Python as mjpython, or "
+            f"{_INSTEAD}",
+            parameters=("out",),
         ) from error
     with window:
         middle = seen.object_corners.mean(axis=0) + recording.states[0].sim_T_obj[:3, 3]

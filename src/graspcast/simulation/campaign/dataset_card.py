@@ -1,4 +1,4 @@
-"""The card of a campaign: its directory as a dataset that explains itself."""
+"""Dataset card of a campaign: the README.md of its directory."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from graspcast.io.files import write_text
 __all__ = ["card_text", "write_card"]
 
 _MEANING = {
-    "estimator": "who estimated the pose that guided the grasp",
-    "dataset": "the BOP dataset of the image",
-    "scene_id": "BOP's number of the scene",
-    "im_id": "BOP's number of the image in the scene",
-    "obj_id": "BOP's number of the object",
+    "estimator": "estimator of the pose that guided the grasp",
+    "dataset": "BOP dataset of the image",
+    "scene_id": "BOP's scene number",
+    "im_id": "BOP's image number in the scene",
+    "obj_id": "BOP's object number",
     "est_id": "rank by score among the estimator's estimates of the object in the image, from 0",
+    "gripper": "the gripper's name",
     "grasp": "the grasp's name",
-    "gripper": "who grasped",
     **dict.fromkeys(ERROR_COLUMNS[:3], "metres: the estimate's origin in the true object's frame"),
     **dict.fromkeys(
         ERROR_COLUMNS[3:], "radians: rotation vector from the true object to the estimate"
     ),
-    "success": "whether the object stayed where it was in the hand, within the tolerance",
-    "reason": "`held` is the one success; `dropped`, `slipped`, `missed`, `blocked` (the open hand "
-    "started in the object or the table), `unstable` (the simulation blew up)",
+    "success": "whether the object stayed within the tolerance of its place in the hand",
+    "reason": "`held` for a success; `dropped`, `slipped`, `missed`, `blocked` (the open hand "
+    "started in the object or the table), `unstable` (the simulation diverged)",
     "offset_m": "metres: distance between the object's centroid in the hand's base frame after "
     "closing and after the lift, or when the trial was stopped early; NaN if blocked or unstable",
     "simulated_s": "seconds of simulated time",
-    "computed_s": "seconds of computing; the one column that differs between equal campaigns",
-    "steps": "simulation steps",
+    "computed_s": "computing time, seconds; the only column that differs between equal campaigns",
+    "steps": "number of simulation steps",
     "object": "the object's name in the catalogue",
     "settings": "hash of object, gripper, grasp and every setting",
     "mujoco": "version of the physics engine",
@@ -49,10 +49,11 @@ _LICENCES = {
 
 _FRAMES = """\
 Metres, radians, kilograms, seconds. Transforms are 4x4 and map points of the second frame into the
-first. The object stands in its reference pose `sim_T_ref` on the table z = 0, z up. An estimate is
-carried over so that its error is kept: `sim_T_est = sim_T_ref · inv(cam_T_gt) · cam_T_est`; the
-gripper's tool centre point goes to `sim_T_est · obj_T_grasp`, closes, and moves up. Every transform
-is in `manifest.json`, as is every setting."""
+first. The object stands in its reference pose `sim_T_ref` on the table z = 0, z up. The true object
+is moved to that pose together with the estimate, which keeps its error:
+`sim_T_est = sim_T_ref · inv(cam_T_gt) · cam_T_est`. The gripper's tool centre point goes to
+`sim_T_est · obj_T_grasp`, closes, and moves up. Every transform and setting is in
+`manifest.json`."""
 
 
 def write_card(
@@ -60,7 +61,7 @@ def write_card(
     outcomes: pl.DataFrame,
     manifest: Mapping[str, Any],
 ) -> None:
-    """Write ``README.md`` for a campaign's directory; see :func:`card_text`."""
+    """Write the dataset card, ``README.md``, in a campaign's directory."""
     write_text(Path(directory) / "README.md", card_text(outcomes, manifest))
 
 
@@ -68,7 +69,7 @@ def card_text(
     outcomes: pl.DataFrame,
     manifest: Mapping[str, Any],
 ) -> str:
-    """The card: how to read the outcomes, what each column is, how they came about, from what.
+    """Return the dataset card as Markdown: columns, frames, success rates, settings, sources.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ def card_text(
         "## Frames and units",
         _FRAMES,
         "",
-        "## What came of the trials",
+        "## Outcomes",
         *_table(["estimator", "gripper", "trials", "success rate", "reasons"], _rates(outcomes)),
         "",
         "## Objects and grippers",
@@ -111,13 +112,13 @@ def card_text(
             ["object", "gripper", "mass (kg)", "friction", "collision pieces"],
             (
                 [p["object"], p["gripper"], p["mass_kg"], p["friction"], p["pieces"]]
-                for p in manifest["pairs"]
+                for p in manifest["setups"]
             ),
         ),
         "",
-        *_settings(manifest["pairs"]),
+        *_settings(manifest["setups"]),
         "",
-        "## What went in",
+        "## Sources",
         *(f"- {text}" for text in licences.values()),
         *(f"- {name}: {text}" for name, text in manifest["sources"].items()),
         "- Simulated with graspcast (Apache-2.0) and MuJoCo (Apache-2.0).",
@@ -138,11 +139,11 @@ def _rates(outcomes: pl.DataFrame) -> Iterable[list[object]]:
         yield [*group, len(rows), f"{rate:.3f}", reasons]
 
 
-def _settings(pairs: Iterable[Mapping[str, Any]]) -> Iterable[str]:
+def _settings(setups: Iterable[Mapping[str, Any]]) -> Iterable[str]:
     seen: list[Mapping[str, Any]] = []
-    for pair in pairs:
-        if pair["settings"] not in seen:
-            seen.append(pair["settings"])
+    for setup in setups:
+        if setup["settings"] not in seen:
+            seen.append(setup["settings"])
     for settings in seen:
         yield "## Settings of a trial"
         yield from _table(["setting", "value"], ([f"`{k}`", v] for k, v in settings.items()))

@@ -1,4 +1,4 @@
-"""Where a campaign's trials are computed: processes of this machine, or a Ray cluster."""
+"""Executors of a campaign: processes on this machine, or a Ray cluster."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from itertools import islice
 from multiprocessing.connection import wait as wait_for
 from typing import Any, Protocol, runtime_checkable
 
@@ -18,54 +19,56 @@ from graspcast.simulation.trial.trial import Outcome
 
 __all__ = ["Executor", "LocalExecutor", "RayExecutor", "usable_cores"]
 
-Pairs = Mapping[tuple[str, str], TrialSetup]
+Setups = Mapping[tuple[str, str], TrialSetup]
 Done = tuple[Batch, list[Outcome]]
 
 
 @runtime_checkable
 class Executor(Protocol):
-    """Computes chunks of trials, in any order."""
+    """Runs batches of trials, in any order."""
 
-    def run(self, pairs: Pairs, chunks: Sequence[Batch]) -> Generator[Done, None, None]:
-        """Yield each chunk with its outcomes as soon as they are known.
+    def run(self, setups: Setups, batches: Sequence[Batch]) -> Generator[Done, None, None]:
+        """Yield each batch with its outcomes as soon as they are computed.
 
         Raises
         ------
         WorkerLostError
-            If a worker died and nobody could take its place.
+            If a worker died and its batch could not be run elsewhere.
         """
         ...
 
 
 def usable_cores() -> int:
-    """How many cores this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class LocalExecutor:
     """Worker processes on this machine.
 
-    Each is started afresh (never forked, which MuJoCo's and polars' threads would not survive), so
-    a script that uses more than one must have its ``if __name__ == "__main__":``.
+    Processes are spawned, not forked, because the threads of MuJoCo and polars do not survive a
+    fork. A script that uses several workers therefore needs ``if __name__ == "__main__":``.
 
     Parameters
     ----------
     workers
-        How many; all usable cores if left out. One computes in this process.
+        Number of processes; all usable cores if None. With 1, the trials run in this process.
 
     Raises
     ------
     InputError
-        For fewer than one.
+        If ``workers`` is below 1.
     """
 
     def __init__(self, workers: int | None = None):
         self.workers = usable_cores() if workers is None else workers
         if self.workers < 1:
-            raise InputError(f"--workers is {workers}; give at least 1")
+            raise InputError(
+                f"workers is {workers}; it must be at least 1", parameters=("workers",)
+            )
 
-    def run(self, pairs: Pairs, chunks: Sequence[Batch]) -> Generator[Done, None, None]:
-        """Yield each chunk with its outcomes.
+    def run(self, setups: Setups, batches: Sequence[Batch]) -> Generator[Done, None, None]:
+        """Yield each batch with its outcomes.
 
         Raises
         ------
@@ -73,76 +76,76 @@ class LocalExecutor:
             If a worker died.
         """
         if self.workers == 1:
-            for chunk in chunks:
-                yield chunk, run_batch(pairs[chunk.pair], chunk)
+            for batch in batches:
+                yield batch, run_batch(setups[batch.setup], batch)
             return
         pool = ProcessPoolExecutor(
             self.workers,
             mp_context=multiprocessing.get_context("spawn"),
             initializer=_start_worker,
-            initargs=(pairs,),
+            initargs=(setups,),
         )
         try:
-            yield from self._through(pool, chunks)
+            yield from self._results(pool, batches)
         except BrokenProcessPool as error:
             raise WorkerLostError(
-                "a worker process died: it was killed, or the machine is short of memory, or the "
-                "calling script lacks its `if __name__ == '__main__':`"
+                "a worker process died: it was killed, or memory ran out, or the calling script "
+                "lacks `if __name__ == '__main__':`"
             ) from error
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
-    def _through(
-        self, pool: ProcessPoolExecutor, chunks: Sequence[Batch]
+    def _results(
+        self, pool: ProcessPoolExecutor, batches: Sequence[Batch]
     ) -> Generator[Done, None, None]:
-        waiting = iter(chunks)
+        waiting = iter(batches)
         running: dict[Future[list[Outcome]], Batch] = {}
         while True:
-            # Two chunks ahead keep a worker busy; more would only be memory.
-            for chunk in _take(waiting, 2 * self.workers - len(running)):
-                running[pool.submit(_run_in_worker, chunk)] = chunk
+            # Two batches per worker keep it busy; more would only use memory.
+            for batch in islice(waiting, 2 * self.workers - len(running)):
+                running[pool.submit(_run_in_worker, batch)] = batch
             if not running:
                 return
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 yield running.pop(future), future.result()
 
 
-_pairs: Pairs = {}
+_setups: Setups = {}
 
 
-def _start_worker(pairs: Pairs) -> None:
-    global _pairs
-    _pairs = pairs
-    # Ctrl-C is for the parent, which then ends its workers.
+def _start_worker(setups: Setups) -> None:
+    global _setups
+    _setups = setups
+    # The parent handles Ctrl-C and stops its workers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None
-    threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+    threading.Thread(target=_exit_with, args=(parent.sentinel,), daemon=True).start()
 
 
-def _end_with(sentinel: int) -> None:
-    """End this process when its parent is gone, which a killed one cannot ask for."""
+def _exit_with(sentinel: int) -> None:
+    """Exit when the parent process ends; a killed parent cannot stop its workers."""
     wait_for([sentinel])
     os._exit(1)
 
 
-def _run_in_worker(chunk: Batch) -> list[Outcome]:
-    return run_batch(_pairs[chunk.pair], chunk)
+def _run_in_worker(batch: Batch) -> list[Outcome]:
+    return run_batch(_setups[batch.setup], batch)
 
 
 class RayExecutor:
-    """Workers on a Ray cluster; what a lost node was computing is computed elsewhere.
+    """Workers on a Ray cluster; batches of a lost node are run again on another.
 
-    The nodes need graspcast of the same version, and Ray. A gripper from an MJCF file must be at
-    the same path on each.
+    Every node needs Ray and the same version of graspcast. The MJCF file of a custom gripper must
+    have the same path on every node.
 
     Parameters
     ----------
     address
-        The cluster's address; the one this process is connected to, or else the one that Ray finds,
-        if left out.
+        Address of the cluster. If None: the cluster that this process is connected to, or else the
+        one that Ray finds.
     ahead
-        How many chunks are handed out at a time, at most; twice the cluster's cores if left out.
+        Largest number of batches submitted at a time; twice the cluster's cores if None.
 
     Raises
     ------
@@ -158,8 +161,8 @@ class RayExecutor:
         self._ray = ray
         self.address, self.ahead = address, ahead
 
-    def run(self, pairs: Pairs, chunks: Sequence[Batch]) -> Generator[Done, None, None]:
-        """Yield each chunk with its outcomes.
+    def run(self, setups: Setups, batches: Sequence[Batch]) -> Generator[Done, None, None]:
+        """Yield each batch with its outcomes.
 
         Raises
         ------
@@ -173,16 +176,18 @@ class RayExecutor:
             try:
                 ray.init(address=self.address or "auto", log_to_driver=False)
             except (ConnectionError, RuntimeError, ValueError) as error:
-                raise WorkerLostError(f"no Ray cluster could be reached: {error}") from error
-        # A chunk has no effect but its outcome, so running it again is always right.
+                raise WorkerLostError(
+                    f"no Ray cluster could be reached: {error}", parameters=("address",)
+                ) from error
+        # A batch has no side effects, so it can be run again.
         remote = ray.remote(num_cpus=1, max_retries=-1)(run_batch)
-        stored = {name: ray.put(pair) for name, pair in pairs.items()}
-        waiting = iter(chunks)
+        stored = {key: ray.put(setup) for key, setup in setups.items()}
+        waiting = iter(batches)
         running: dict[Any, Batch] = {}
         while True:
             ahead = self.ahead or 2 * max(1, int(ray.cluster_resources().get("CPU", 1)))
-            for chunk in _take(waiting, ahead - len(running)):
-                running[remote.remote(stored[chunk.pair], chunk)] = chunk
+            for batch in islice(waiting, max(0, ahead - len(running))):
+                running[remote.remote(stored[batch.setup], batch)] = batch
             if not running:
                 return
             done, _ = ray.wait(list(running), num_returns=1)
@@ -194,7 +199,3 @@ class RayExecutor:
                 except ray.exceptions.RayError as error:
                     raise WorkerLostError(f"the Ray cluster was lost: {error}") from error
                 yield running.pop(reference), outcomes
-
-
-def _take(chunks: Iterator[Batch], count: int) -> list[Batch]:
-    return [chunk for _, chunk in zip(range(count), chunks, strict=False)]

@@ -1,7 +1,7 @@
-"""From estimates and ground truth to trials: which grasp each estimate would guide.
+"""Trial requests from estimates and ground truth.
 
-The paper's change of frame (Section III-B): the true object lands on its reference pose, and the
-estimate keeps its error. So a trial needs of an image only ``inv(cam_T_gt) @ cam_T_est``.
+The paper's change of frame (Section III-B) moves the true object to its reference pose, and the
+estimate with it. A trial therefore needs only the relative pose ``inv(cam_T_gt) @ cam_T_est``.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def trials_from_estimates(
     grasps: GraspTable | None = None,
     notes: list[str] | None = None,
 ) -> TrialRequests:
-    """One trial for each estimate that has a ground truth, and each gripper.
+    """Return one trial for each estimate with a ground truth and each gripper.
 
     Parameters
     ----------
@@ -42,14 +42,14 @@ def trials_from_estimates(
     grippers
         Names of grippers.
     grasps
-        If given, objects without a grasp by a gripper are left out, and counted.
+        If given, trials without a reference grasp are left out, and counted.
     notes
-        Gets what was left out, in words.
+        Messages on what was left out are appended to it.
 
     Raises
     ------
     MismatchError
-        If nothing is left, or no estimate of a file has a ground truth.
+        If no trial is left, or no estimate of a file has a ground truth.
     """
     notes = [] if notes is None else notes
     keys, poses = [], []
@@ -88,5 +88,8 @@ def trials_from_estimates(
             notes.append(f"left out {int((~has).sum())} trials without a reference grasp: {names}")
         table_of_keys, obj_T_est = table_of_keys.filter(has), obj_T_est[has]
     if not len(table_of_keys):
-        raise MismatchError("there is no estimate left to guide a grasp")
+        raise MismatchError(
+            "no estimate has both a ground truth and a reference grasp",
+            parameters=("estimates", "grasps"),
+        )
     return TrialRequests(table_of_keys, obj_T_est)

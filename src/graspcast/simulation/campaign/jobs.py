@@ -1,4 +1,4 @@
-"""What a worker of a campaign gets and does: chunks of trials of one object by one gripper."""
+"""Jobs of a campaign: trial setups, and batches of trials that a worker runs."""
 
 from __future__ import annotations
 
@@ -26,14 +26,20 @@ __all__ = ["Batch", "TrialSetup", "load_setups", "run_batch"]
 
 @dataclass(frozen=True, eq=False)
 class TrialSetup:
-    """An object, a gripper, the reference grasp, and how it is tried.
+    """Everything that the trials of one object by one gripper have in common.
 
     Attributes
     ----------
+    grasp_object
+        The object.
+    gripper
+        The gripper.
+    grasp
+        Reference grasp.
     settings
-        How.
+        How the trials are run.
     early_stop
-        Whether a trial ends as soon as its outcome is certain.
+        Whether a trial stops as soon as its outcome can no longer change.
     """
 
     grasp_object: GraspObject
@@ -44,7 +50,7 @@ class TrialSetup:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256, as hex, over everything that an outcome depends on besides the estimate.
+        """SHA-256 of everything besides the estimate that an outcome depends on, as hex.
 
         Raises
         ------
@@ -57,15 +63,25 @@ class TrialSetup:
         return content.hexdigest()
 
     def runner(self) -> TrialRunner:
-        """A new runner of its trials."""
+        """Return a new runner for these trials."""
         return TrialRunner(self.grasp_object, self.gripper, self.settings)
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Trials of one pair: their row numbers among the requests, and the estimates."""
+    """Trials of one setup, for one worker.
 
-    pair: tuple[str, str]
+    Attributes
+    ----------
+    setup
+        Names of object and gripper: the key of the trial setup.
+    rows
+        Row numbers of the trials in the requests.
+    obj_T_est
+        Estimates in the true object's frame, metres.
+    """
+
+    setup: tuple[str, str]
     rows: Int[ndarray, " n"]
     obj_T_est: Float[ndarray, "n 4 4"]
 
@@ -79,7 +95,7 @@ def load_setups(
     catalogue: Catalogue | None = None,
     grippers: Mapping[str, Gripper] | None = None,
 ) -> dict[tuple[str, str], TrialSetup]:
-    """Load every object and gripper that the requests name, with their reference grasps.
+    """Load the trial setups of all requests: objects, grippers and reference grasps.
 
     Parameters
     ----------
@@ -88,30 +104,30 @@ def load_setups(
     grasps
         The reference grasps.
     settings
-        How to try.
+        How the trials are run; the defaults if None.
     bop_dirs, catalogue
-        Where the objects are, as for :func:`load_object`.
+        As for :func:`~graspcast.simulation.objects.load.load_object`.
     grippers
-        Grippers of one's own by name; the others are built-in ones.
+        Custom grippers by name; other names are those of built-in grippers.
 
     Returns
     -------
-        (object, gripper) to what to try.
+        Trial setups by (object, gripper).
 
     Raises
     ------
     UnknownNameError
-        For an unknown object or gripper, or a pair without a grasp.
+        If an object or gripper is unknown, or has no reference grasp.
     InputError
-        For an object that cannot be loaded.
+        If an object cannot be loaded.
     """
     references = {pair: grasps(*pair) for pair in requests.pairs()}
     objects = {
         name: load_object(name, bop_dirs=bop_dirs, catalogue=catalogue)
         for name in dict.fromkeys(name for name, _ in references)
     }
-    own = grippers or {}
-    hands = {g: own[g] if g in own else load_gripper(g) for g in {g for _, g in references}}
+    custom = grippers or {}
+    hands = {g: custom[g] if g in custom else load_gripper(g) for _, g in references}
     return {
         (name, gripper): TrialSetup(
             grasp_object=reference.applied_to(objects[name]),
@@ -126,20 +142,20 @@ def load_setups(
 _runners: dict[str, TrialRunner] = {}
 
 
-def run_batch(pair: TrialSetup, chunk: Batch) -> list[Outcome]:
-    """Run the trials of a chunk; the compiled model of a pair stays in the process.
+def run_batch(setup: TrialSetup, batch: Batch) -> list[Outcome]:
+    """Run the trials of a batch; the process keeps the compiled model for the next batch.
 
     Raises
     ------
     InputError
-        Naming the pair, whatever went wrong.
+        If a trial fails for any reason; the message names object and gripper.
     """
     try:
-        if pair.digest not in _runners:
-            _runners[pair.digest] = pair.runner()
-        runner = _runners[pair.digest]
-        return [runner.run(e, pair.grasp, early_stop=pair.early_stop) for e in chunk.obj_T_est]
+        if setup.digest not in _runners:
+            _runners[setup.digest] = setup.runner()
+        runner = _runners[setup.digest]
+        return [runner.run(e, setup.grasp, early_stop=setup.early_stop) for e in batch.obj_T_est]
     except Exception as error:
-        # A plain error travels between processes; its cause does not, so it is told.
-        what = f"{pair.grasp_object.name} by {pair.gripper.name}"
+        # Pickling loses the cause of an error, so the message contains it.
+        what = f"{setup.grasp_object.name} by {setup.gripper.name}"
         raise InputError(f"a trial of {what} failed: {type(error).__name__}: {error}") from error

@@ -1,4 +1,4 @@
-"""What a campaign is asked to try: estimates of instances, each to guide a grasp by a gripper."""
+"""Trial requests of a campaign: estimates of instances, each with a gripper."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _RIGID_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class TrialRequests:
-    """Trials to run, one a row.
+    """Trials to run, one per row.
 
     Attributes
     ----------
@@ -34,8 +34,8 @@ class TrialRequests:
     Raises
     ------
     InputError
-        For a missing column, a value that is null, two rows with the same keys, or a pose that is
-        not a finite rigid transform; the first such row is named.
+        If a column is missing, a value is null, two rows have the same keys, or a pose is not a
+        finite rigid transform; the message names the first such row.
     """
 
     keys: pl.DataFrame
@@ -93,25 +93,25 @@ class TrialRequests:
         return len(self.keys)
 
     def describe(self, rows: ndarray | pl.Series) -> str:
-        """The keys of the first row of a mask, for a message."""
+        """Return the keys of the first row of a mask, for a message."""
         row = self.keys.row(int(np.argmax(np.asarray(rows))), named=True)
         return ", ".join(f"{name} {row[name]}" for name in TRIAL_COLUMNS)
 
     def select(self, rows: Int[ndarray, " m"]) -> TrialRequests:
-        """Some of the trials, by row number."""
+        """Return the trials with the given row numbers."""
         return TrialRequests(self.keys[rows], self.obj_T_est[rows])
 
     def pairs(self) -> list[tuple[str, str]]:
-        """Every object with every gripper that is to grasp it, in order of appearance."""
+        """Return the pairs of object and gripper that occur, in order of appearance."""
         return list(self.keys.select("object", "gripper").unique(maintain_order=True).iter_rows())
 
     def rows_of(self, pair: tuple[str, str]) -> Int[ndarray, " m"]:
-        """The rows of an object and a gripper."""
+        """Return the row numbers of an object and gripper."""
         mine = (pl.col("object") == pair[0]) & (pl.col("gripper") == pair[1])
         return self.keys.select(mine.arg_true()).to_series().to_numpy().astype(np.int64)
 
     def digests(self) -> dict[str, str]:
-        """SHA-256 over keys and poses, as hex, for each estimator on each dataset; in any order."""
+        """Return the SHA-256 of keys and poses, as hex, for each estimator on each dataset."""
         order = self.keys.with_row_index("row").sort(list(TRIAL_COLUMNS))
         out = {}
         for group, rows in order.group_by("estimator", "dataset", maintain_order=True):

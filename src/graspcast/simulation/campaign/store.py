@@ -1,16 +1,15 @@
-"""The directory of a campaign: a manifest, shards of outcomes, and in the end one file of them.
+"""Store of a campaign: a directory with a manifest and the outcomes.
 
 ::
 
-    DIR/manifest.json      what was tried, how, with which versions; a hash of all of it
-    DIR/shards/*.parquet   outcomes while the campaign runs; each file whole, never changed
-    DIR/outcomes.parquet   every outcome, sorted, once it is complete; the shards are gone then
-    DIR/README.md          the card
+    DIR/manifest.json      configuration, versions, and the hash of the configuration
+    DIR/shards/*.parquet   outcomes while the campaign runs; a file is never changed
+    DIR/outcomes.parquet   all outcomes, sorted, once complete; replaces the shards
+    DIR/README.md          the dataset card
 
-A shard is written aside, synced and renamed, so a process killed at any moment leaves whole
-shards, and a machine that loses power at worst lacks the last few. Outcomes are merged by writing
-the merged file first and removing its parts afterwards: in between they are there twice, which
-reading undoes.
+Writes are atomic, so a process killed at any time leaves complete shards. Shards are merged by
+writing the merged file first and removing its parts afterwards; outcomes that are stored twice in
+between are read once.
 """
 
 from __future__ import annotations
@@ -57,7 +56,7 @@ class Store:
     Parameters
     ----------
     directory
-        Where it is; made by :meth:`begin`.
+        Path; created by :meth:`begin`.
     """
 
     def __init__(self, directory: str | PathLike[str]):
@@ -85,13 +84,13 @@ class Store:
         return manifest
 
     def begin(self, manifest: Mapping[str, Any]) -> None:
-        """Start a campaign here, or go on with it.
+        """Start a campaign in the directory, or resume it.
 
         Raises
         ------
         MismatchError
-            If a campaign of another configuration is here; its differences are named, and nothing
-            is touched.
+            If the directory holds a campaign of another configuration. The message names the
+            differences; nothing is changed.
         InputError
             If the directory holds other files, or cannot be written.
         """
@@ -100,7 +99,8 @@ class Store:
         else:
             if self.directory.is_dir() and any(self.directory.glob("[!.]*")):
                 raise InputError(
-                    f"{self.directory} holds files but no campaign; give a new --out directory"
+                    f"{self.directory} holds files but no campaign; choose a new directory",
+                    parameters=("out",),
                 )
             write_text(self.directory / MANIFEST, json.dumps(manifest, indent=1) + "\n")
         self._tidy()
@@ -109,25 +109,26 @@ class Store:
         mine, other = self.manifest["configuration"], manifest["configuration"]
         changed = [k for k in {**mine, **other} if mine.get(k) != other.get(k)]
         if changed:
-            told = ", ".join(
+            differences = ", ".join(
                 f"{k} ({_short(mine.get(k))} there, {_short(other.get(k))} now)"
                 for k in changed[:5]
             )
             more = f" and {len(changed) - 5} more" if len(changed) > 5 else ""
             raise MismatchError(
-                f"{self.directory} holds a campaign of another configuration: {told}{more}; "
-                "outcomes of the two would not belong together, so give another --out"
+                f"{self.directory} holds a campaign of another configuration: "
+                f"{differences}{more}; their outcomes cannot be mixed, so choose another directory",
+                parameters=("out",),
             )
 
     def _tidy(self) -> None:
-        """Remove what a killed process had not finished writing."""
+        """Remove incomplete files of a killed process."""
         for path in (*self.directory.glob(".*.parquet.*"), *self._shard_files(".*.parquet.*")):
             path.unlink(missing_ok=True)
         self._shards = len(self._shard_files())
 
     @contextmanager
     def lock(self) -> Iterator[None]:
-        """Hold the directory; the lock goes with the process, however that ends.
+        """Lock the directory; the lock is released when the process ends, for whatever reason.
 
         Raises
         ------
@@ -155,12 +156,12 @@ class Store:
             yield
 
     def append(self, outcomes: pl.DataFrame) -> None:
-        """Keep outcomes, in one new shard.
+        """Store outcomes in a new shard.
 
         Raises
         ------
         InputError
-            If they cannot be written, for one because the disk is full.
+            If they cannot be written, for example because the disk is full.
         """
         self._write(self.directory / SHARDS / f"{uuid.uuid4().hex}.parquet", outcomes)
         self._shards += 1
@@ -169,21 +170,21 @@ class Store:
             self._shards = 1
 
     def finish(self) -> pl.DataFrame:
-        """Merge everything into ``outcomes.parquet``, and return it."""
+        """Merge all outcomes into ``outcomes.parquet``, and return them."""
         outcomes = self._merge(self.directory / OUTCOMES)
         if (self.directory / SHARDS).is_dir() and not any((self.directory / SHARDS).iterdir()):
             (self.directory / SHARDS).rmdir()
         return outcomes
 
     def outcomes(self) -> pl.DataFrame:
-        """Everything that is kept so far, sorted by keys, nothing twice.
+        """Return the outcomes stored so far, sorted by keys, without duplicates.
 
         Raises
         ------
         FormatError
             If the directory is no campaign's, or one of its files is damaged.
         """
-        self.manifest  # noqa: B018 - an empty answer for a wrong directory would mislead
+        self.manifest  # noqa: B018 - raises for a directory without a campaign
         parts = [_read(path) for path in self._files()]
         together = pl.concat([pl.DataFrame(schema=COLUMNS), *parts])
         return together.unique(list(TRIAL_COLUMNS), keep="first").sort(list(TRIAL_COLUMNS))

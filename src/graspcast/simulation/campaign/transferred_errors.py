@@ -1,8 +1,8 @@
-"""Trials guided by errors that estimators made on other objects.
+"""Transferred errors: trials guided by errors that estimators made on other objects.
 
-What a grasp of an object forgives can be learned without a single image of it: errors from the
-images of other objects are put on it, each seen from a random side at the distance at which it was
-made. The more of them, the finer the answer.
+The probability of success given an error can be learned for an object without images of it. Errors
+made on other objects are transferred to it: each is seen from a random direction, at the distance
+at which it was made.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from graspcast.simulation.campaign.requests import TrialRequests
 __all__ = ["TRANSFERRED", "trials_from_transferred_errors"]
 
 TRANSFERRED = "transferred"
-"""What stands in the column ``estimator`` of such a trial."""
+"""Value of the column ``estimator`` in such trials."""
 
 
 def trials_from_transferred_errors(
@@ -35,41 +35,44 @@ def trials_from_transferred_errors(
     count: int,
     seed: int = 0,
 ) -> TrialRequests:
-    """``count`` trials of each object with each gripper, by errors made on other objects.
+    """Return ``count`` trials of each object and gripper, guided by errors made on other objects.
 
     Parameters
     ----------
     results
-        Dataset's name to estimator's name to results, to borrow errors from.
+        Dataset's name to estimator's name to results, whose errors are transferred.
     datasets
         Dataset's name to its BOP directory, with ground truth.
     pairs
         Objects (``dataset-number``) and grippers.
     count
-        Trials of each pair.
+        Trials of each object and gripper.
     seed
-        Of which errors, and from which side.
+        Random seed of the errors and viewing directions.
 
     Raises
     ------
     InputError
-        For a count below 1.
+        If ``count`` is below 1.
     MismatchError
         If there is no error of another object, or no estimate of a file has a ground truth.
     """
     if count < 1:
-        raise InputError(f"at least one error is to be borrowed for each object, not {count}")
+        raise InputError(f"count is {count}; give at least 1", parameters=("transferred_errors",))
     names, distances, truths = _errors(results, datasets)
     keys, poses = [], []
     for name, gripper in pairs:
         others = np.flatnonzero(names != name)
         if not len(others):
-            raise MismatchError(f"there are no errors to borrow for {name}: no estimates of others")
-        dataset, _, number = name.rpartition("-")
-        # The pair's own numbers, whatever else is asked for.
+            raise MismatchError(
+                f"no errors to transfer to {name}: there are no estimates of other objects",
+                parameters=("estimates",),
+            )
+        dataset, number = _dataset_and_number(name)
+        # A stream of its own for each pair, whatever other pairs are requested.
         random = np.random.default_rng([seed, *f"{name} {gripper}".encode()])
         rows = random.choice(others, count)
-        # Normalised normal variates: rotations without a preferred direction.
+        # Normalised normal variates are uniform rotations.
         turns = random.standard_normal((count, 4))
         axes = rotation_from_quaternion(turns / np.linalg.norm(turns, axis=1, keepdims=True))
         poses.append(error_along(axes, distances[rows], truths[rows]))
@@ -78,7 +81,7 @@ def trials_from_transferred_errors(
                 estimator=pl.lit(TRANSFERRED),
                 dataset=pl.lit(dataset),
                 scene_id=pl.lit(0),
-                obj_id=pl.lit(int(number)),
+                obj_id=pl.lit(number),
                 est_id=pl.lit(0),
                 gripper=pl.lit(gripper),
             )
@@ -86,10 +89,20 @@ def trials_from_transferred_errors(
     return TrialRequests(pl.concat(keys), np.concatenate(poses))
 
 
+def _dataset_and_number(name: str) -> tuple[str, int]:
+    dataset, _, number = name.rpartition("-")
+    if not dataset or not number.isdecimal():
+        raise InputError(
+            f"the object {name!r} has no number; its name must be DATASET-NUMBER (lmo-5)",
+            parameters=("objects",),
+        )
+    return dataset, int(number)
+
+
 def _errors(
     results: Mapping[str, Mapping[str, Results]], datasets: Mapping[str, BopDataset]
 ) -> tuple[ndarray, ndarray, ndarray]:
-    """Of every estimate with a ground truth: object, distance, where the truth lies."""
+    """Return object, distance and relative true pose of every estimate with a ground truth."""
     names, distances, truths = [], [], []
     for dataset, tables in results.items():
         truth = datasets[dataset].ground_truth
@@ -98,7 +111,7 @@ def _errors(
             rows = np.flatnonzero(matched >= 0)
             poses = table.cam_T_obj[rows]
             distance = np.linalg.norm(poses[:, :3, 3], axis=1)
-            # At the camera's centre there is no ray: a placeholder for 'nothing found'.
+            # A distance of zero has no viewing ray; it is a placeholder for 'nothing found'.
             rows, poses, distance = (part[distance > 0] for part in (rows, poses, distance))
             names.append([f"{dataset}-{number}" for number in table.obj_id[rows].tolist()])
             distances.append(distance)

@@ -1,1 +1,1 @@
-"""Reference grasps, and the search for them."""
+"""Reference grasps, and the search for grasps that agree with observed outcomes."""

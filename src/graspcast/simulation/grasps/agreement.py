@@ -1,4 +1,4 @@
-"""How well simulated outcomes agree with given ones."""
+"""Agreement of simulated outcomes with observed ones: accuracy and Cohen's kappa."""
 
 from __future__ import annotations
 
@@ -20,17 +20,18 @@ class Agreement:
     Attributes
     ----------
     n
-        Trials.
+        Number of trials.
     accuracy
-        Share of them with the same outcome.
+        Share of trials with the same outcome.
     kappa
-        Cohen's kappa; 0 where either side has one outcome only.
+        Cohen's kappa; 0 if both sides have the same single outcome.
     majority
-        What always guessing the more frequent given outcome would reach.
+        Accuracy of always predicting the more frequent observed outcome.
     given_rate, simulated_rate
-        Success rates.
+        Observed and simulated success rate.
     standard_error
-        Of ``accuracy``, as if trials were independent. Frames are video, so the true one is larger.
+        Standard error of ``accuracy`` for independent trials. Images are video frames, so the true
+        one is larger.
     """
 
     n: int
@@ -47,15 +48,15 @@ def agreement(
     given: Bool[ndarray, " n"],
     weights: Float[ndarray, " n"] | None = None,
 ) -> Agreement:
-    """Compare outcomes; with ``weights``, as if each trial stood for so many.
+    """Compare simulated with observed outcomes, weighted by ``weights`` if given.
 
     Raises
     ------
     InputError
-        For no trials at all.
+        If there are no trials.
     """
     if not len(given):
-        raise InputError("there are no trials to compare outcomes of")
+        raise InputError("there are no trials whose outcomes could be compared")
     w = np.ones(len(given)) if weights is None else np.asarray(weights, dtype=np.float64)
     w = w / w.sum()
     same = float(w @ (simulated == given))

@@ -1,4 +1,4 @@
-"""Trials whose outcome is known from elsewhere, each in its part of the images."""
+"""Trials with observed outcomes, split into train, validation and test."""
 
 from __future__ import annotations
 
@@ -13,35 +13,35 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, UnknownNameError
-from graspcast.estimates.image_split import Part, frames_of, part_of
+from graspcast.estimates.image_split import Split, frames_of, split_of
 from graspcast.estimates.outcomes import join_outcomes
 from graspcast.simulation.campaign.from_estimates import trials_from_estimates
 from graspcast.simulation.campaign.requests import TrialRequests
-from graspcast.simulation.grasps.sampling import FittedTrials
+from graspcast.simulation.grasps.sampling import LabelledTrials
 
 __all__ = ["ObservedTrials", "observed_trials"]
 
 
 @dataclass(frozen=True, eq=False)
 class ObservedTrials:
-    """Trials with given outcomes.
+    """Trials with observed outcomes.
 
     Attributes
     ----------
     requests
         The trials.
     success
-        Their given outcomes, (n,).
-    part
-        The part of the images that each belongs to, as text, (n,).
+        Observed outcomes, (n,).
+    split
+        Split of each trial (``train``, ``validation`` or ``test``), (n,).
     """
 
     requests: TrialRequests
     success: Bool[ndarray, " n"]
-    part: ndarray
+    split: ndarray
 
-    def of(self, name: str, gripper: str, part: Part) -> FittedTrials:
-        """The trials of one object and gripper in one part of the images.
+    def of(self, name: str, gripper: str, split: Split) -> LabelledTrials:
+        """Return the trials of one object and gripper in one split.
 
         Raises
         ------
@@ -53,8 +53,8 @@ class ObservedTrials:
             known = [f"{o} by {g}" for o, g in pairs]
             raise UnknownNameError("trials of", f"{name} by {gripper}", known)
         rows = self.requests.rows_of((name, gripper))
-        rows = rows[self.part[rows] == part]
-        return FittedTrials(self.requests.obj_T_est[rows], self.success[rows])
+        rows = rows[self.split[rows] == split]
+        return LabelledTrials(self.requests.obj_T_est[rows], self.success[rows])
 
 
 def observed_trials(
@@ -62,7 +62,7 @@ def observed_trials(
     datasets: Mapping[str, BopDataset],
     outcomes: pl.DataFrame,
 ) -> ObservedTrials:
-    """Join estimates, ground truth and given outcomes.
+    """Join estimates, ground truth and observed outcomes.
 
     Parameters
     ----------
@@ -71,25 +71,28 @@ def observed_trials(
     datasets
         Dataset's name to its BOP directory, with ground truth.
     outcomes
-        As :func:`graspcast.estimates.outcomes.read_outcomes` returns them.
+        From :func:`graspcast.estimates.outcomes.read_outcomes`.
 
     Raises
     ------
     InputError
-        If no estimate has a given outcome.
+        If no estimate has an outcome.
     """
     grippers = outcomes["gripper"].unique().sort().to_list()
     asked = trials_from_estimates(results, datasets, grippers)
     joined = join_outcomes(asked.keys.with_row_index("row"), outcomes).drop_nulls("success")
     if not len(joined):
-        raise InputError("none of these estimates has an outcome; are names and numbers the same?")
+        raise InputError(
+            "no estimate has an outcome; check that estimators and instances have the same names",
+            parameters=("estimates", "outcomes"),
+        )
     requests = asked.select(joined["row"].to_numpy().astype(np.int64))
     keys = requests.keys
     frames = frames_of({name: dataset.ground_truth for name, dataset in datasets.items()})
     return ObservedTrials(
         requests=requests,
         success=joined["success"].to_numpy().astype(bool),
-        part=part_of(
+        split=split_of(
             keys["dataset"].to_numpy(),
             keys["scene_id"].to_numpy(),
             keys["im_id"].to_numpy(),

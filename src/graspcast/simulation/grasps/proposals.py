@@ -1,8 +1,7 @@
-"""Sensible grasps of an object, from its shape in the reference pose.
+"""Grasp proposals from an object's shape in its reference pose.
 
-A grasp is proposed by a direction of approach (from above, level, or obliquely from above), the
-direction in which the fingers close, where across the object it goes, and how deep. Fingers must
-be able to span the object there. Which of them are good is for trials to say.
+A proposal samples the direction of approach (from above, level, or oblique), the closing direction,
+the position across the object and the depth. The fingers must be able to span the object there.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ _MARGIN_M = 0.001
 def surface_points(
     grasp_object: GraspObject, count: int, rng: np.random.Generator
 ) -> Float[ndarray, "p 3"]:
-    """Points on the mesh in the object's frame, uniform in area."""
+    """Sample points on the mesh uniformly by area, in the object's frame, metres."""
     corners = grasp_object.vertices[grasp_object.faces]
     edges = corners[:, 1:] - corners[:, :1]
     area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
@@ -39,16 +38,16 @@ def surface_points(
 
 @dataclass(frozen=True, eq=False)
 class OpenHand:
-    """The colliding parts of an open hand as boxes, each in its own frame, seen from the TCP.
+    """Bounding boxes of the colliding parts of an open hand, in the TCP's frame.
 
     Attributes
     ----------
     tcp_T_box
-        Frames of the boxes, (g, 4, 4).
+        Poses of the boxes, (g, 4, 4).
     half
         Half sizes of the boxes, metres, (g, 3).
     opening_m
-        Distance between the open fingers.
+        Distance between the open fingers, metres.
     """
 
     tcp_T_box: Float[ndarray, "g 4 4"]
@@ -57,7 +56,7 @@ class OpenHand:
 
     @classmethod
     def of(cls, scene: Scene, gripper: Gripper) -> OpenHand:
-        """From a compiled scene, whatever state it is in; the hand is put to rest."""
+        """Compute the boxes from a compiled scene, whose hand is reset to rest."""
         scene.park()
         model, data = scene.model, scene.data
         sim_T_base = transform(data.xmat[scene.base_body].reshape(3, 3), data.xpos[scene.base_body])
@@ -70,7 +69,7 @@ class OpenHand:
 
     @property
     def reach_m(self) -> float:
-        """How far the TCP is in front of the palm, along the approach."""
+        """Distance of the TCP from the palm, along the approach, metres."""
         behind = []
         for tcp_T_box, half in zip(self.tcp_T_box, self.half, strict=True):
             middle, size = tcp_T_box[:3, 3], np.abs(tcp_T_box[:3, :3]) @ half
@@ -84,19 +83,18 @@ class OpenHand:
         est_T_points: Float[ndarray, "n p 3"],
         penetration_m: float,
     ) -> Bool[ndarray, " n"]:
-        """A guess by geometry alone whether a grasp succeeds.
+        """Predict from geometry whether a grasp succeeds.
 
-        The hand must be clear of the object when it arrives, and have it between the fingers.
+        The hand must not penetrate the object, and part of the object must be between the fingers.
 
         Parameters
         ----------
         obj_T_grasp
             The grasp.
         est_T_points
-            Points of the object as each estimate sees them: in the object's frame if the estimate
-            were true.
+            Points of the object in the frame of each estimate, metres.
         penetration_m
-            How deep a point may be inside the hand.
+            Largest allowed penetration of a point into the hand, metres.
         """
         grasp_T_obj = invert(obj_T_grasp)
         points = est_T_points @ grasp_T_obj[:3, :3].T + grasp_T_obj[:3, 3]
@@ -116,7 +114,21 @@ def propose(
     rng: np.random.Generator,
     points: Float[ndarray, "p 3"],
 ) -> Float[ndarray, "k 4 4"]:
-    """Up to ``count`` grasps (``obj_T_grasp``), fewer where the hand can hardly span the object."""
+    """Propose up to ``count`` grasps (``obj_T_grasp``); fewer if few directions fit the hand.
+
+    Parameters
+    ----------
+    grasp_object
+        The object.
+    hand
+        The open hand.
+    count
+        Largest number of grasps.
+    rng
+        Random generator.
+    points
+        Points on the surface, in the object's frame, metres.
+    """
     sim_T_obj = grasp_object.sim_T_ref
     cloud = points @ sim_T_obj[:3, :3].T + sim_T_obj[:3, 3]
     found: list[ndarray] = []
@@ -130,7 +142,7 @@ def propose(
 
 
 def _direction(rng: np.random.Generator) -> Float[ndarray, "3 3"]:
-    """Axes of the grasp's frame in the world: closing, sideways, approach (columns)."""
+    """Sample the axes of the grasp's frame in the world: closing, sideways, approach (columns)."""
     kind = str(rng.choice(list(_KINDS), p=list(_KINDS.values())))
     azimuth = rng.integers(8) * (np.pi / 4)
     if kind == "top":
@@ -153,7 +165,7 @@ def _aim(
     axes: Float[ndarray, "3 3"],
     rng: np.random.Generator,
 ) -> Float[ndarray, "4 4"] | None:
-    """Where the TCP goes for a direction; None if the object is too wide there."""
+    """Sample the TCP's pose for a direction; None if the object is too wide there."""
     local = cloud @ axes
     low, high = local.min(axis=0), local.max(axis=0)
     aside = 0.0 if rng.random() < 0.4 else rng.uniform(-0.7, 0.7)
@@ -180,7 +192,7 @@ def vary(
     rotation_rad: float,
     rng: np.random.Generator,
 ) -> Float[ndarray, "4 4"]:
-    """The grasp with normal noise in its own frame: position and rotation vector."""
+    """Return the grasp with normal noise in its own frame, on position and rotation vector."""
     noise = rng.standard_normal(6) * ([translation_m] * 3 + [rotation_rad] * 3)
     shift, turn = np.eye(4), np.concatenate([np.zeros(3), noise[3:]])
     shift[:3, 3] = noise[:3]

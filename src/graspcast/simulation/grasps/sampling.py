@@ -1,4 +1,4 @@
-"""Trials with known outcomes, and samples of them that say much with few trials."""
+"""Labelled trials, and stratified samples of them."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from numpy import ndarray
 
 from graspcast.pose.transforms import rotation_angle
 
-__all__ = ["FittedTrials", "StratifiedSample"]
+__all__ = ["LabelledTrials", "StratifiedSample"]
 
 _NEAR_M, _NEAR_RAD = 0.06, np.deg2rad(30.0)
 
 
 @dataclass(frozen=True, eq=False)
-class FittedTrials:
-    """Estimates of one object and the outcomes that one gripper is said to have had.
+class LabelledTrials:
+    """Estimates of one object, with the observed outcomes of one gripper.
 
     Attributes
     ----------
     obj_T_est
-        The estimates seen from the true object, metres, (n, 4, 4).
+        Estimates in the true object's frame, metres, (n, 4, 4).
     success
-        Given outcomes, (n,).
+        Observed outcomes, (n,).
     """
 
     obj_T_est: Float[ndarray, "n 4 4"]
@@ -35,15 +35,22 @@ class FittedTrials:
 
 
 class StratifiedSample:
-    """Trials in a fixed order, so that more trials include the fewer ones.
+    """Stratified sample of trials in a fixed order, so that a larger sample contains a smaller one.
 
-    Of successes, near failures and gross failures 40, 40 and 20 % are taken while there are any;
-    the weights make up for it.
+    The strata are successes, near failures and gross failures. They get 40, 40 and 20 % of the
+    sample as long as they last; the weights correct for this.
+
+    Parameters
+    ----------
+    trials
+        The trials to sample from.
+    rng
+        Random generator.
     """
 
     _SHARES = (0.4, 0.4, 0.2)
 
-    def __init__(self, trials: FittedTrials, rng: np.random.Generator):
+    def __init__(self, trials: LabelledTrials, rng: np.random.Generator):
         shift = np.linalg.norm(trials.obj_T_est[:, :3, 3], axis=1)
         turn = rotation_angle(trials.obj_T_est[:, :3, :3])
         near = (shift < _NEAR_M) & (turn < _NEAR_RAD)
@@ -51,7 +58,7 @@ class StratifiedSample:
         self._rows = [rng.permutation(np.flatnonzero(kind == k)) for k in range(3)]
 
     def take(self, count: int) -> tuple[Int[ndarray, " m"], Float[ndarray, " m"]]:
-        """Rows and what each stands for; all rows if there are fewer than ``count``."""
+        """Return rows of a sample and their weights; all rows if there are at most ``count``."""
         sizes = [len(rows) for rows in self._rows]
         take = np.zeros(3, dtype=int)
         while take.sum() < min(count, sum(sizes)):

@@ -1,11 +1,15 @@
-"""Search for a reference grasp under which simulated outcomes agree with given ones.
+"""Search for a reference grasp whose simulated outcomes agree with observed ones.
 
-Proposals from the object's shape are ranked by geometry alone on the given outcomes of the fit
-part, the best of them race in simulation (successive halving on a stratified sample, hard failures
-over-represented and weighted back), the winners are varied and race again, twice; then friction
-and mass are tried, coarsely, since outcomes hardly identify them. The finalists hold a perfect
-estimate under jitter, and the choose part decides among them. The search is given these two parts
-and no other: what it finds is reported on the third part by whoever called it.
+1. Grasps are proposed from the object's shape and ranked by a geometric prediction of the outcomes
+   of the train split.
+2. The best proposals are compared in simulation by successive halving, on a stratified sample of
+   the train split.
+3. The best grasps are varied, and the variations compared, twice.
+4. Friction and mass are varied coarsely, because outcomes hardly identify them.
+5. Of the finalists that hold jittered perfect estimates, the one with the best agreement on the
+   validation split is chosen.
+
+The search does not see the test split.
 """
 
 from __future__ import annotations
@@ -14,73 +18,67 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
-from graspcast.pose.transforms import exp, invert, transform_points
+from graspcast.pose.transforms import invert, transform_points
 from graspcast.simulation.grasps.agreement import Agreement, agreement
+from graspcast.simulation.grasps.evaluation import held_under_jitter
 from graspcast.simulation.grasps.proposals import OpenHand, propose, surface_points, vary
-from graspcast.simulation.grasps.sampling import FittedTrials, StratifiedSample
-from graspcast.simulation.grasps.table import ReferenceGrasp
+from graspcast.simulation.grasps.sampling import LabelledTrials, StratifiedSample
+from graspcast.simulation.grasps.table import Figure, ReferenceGrasp
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.load import with_physics
 from graspcast.simulation.objects.types import Grasp, GraspObject
 from graspcast.simulation.trial.trial import TrialRunner, TrialSettings
 
-__all__ = [
-    "FittedGrasp",
-    "SearchEffort",
-    "fit_grasp",
-    "jitter_held",
-    "report_grasp",
-    "simulated",
-]
+__all__ = ["FittedGrasp", "SearchEffort", "fit_grasp"]
 
 _SEARCH_LIFT_S = 3.0
 _VARIATIONS = ((0.008, 0.15), (0.004, 0.07))
-"""Standard deviations of position (m) and rotation (rad) in each round of refinement."""
-_RACES = 3 + len(_VARIATIONS)
-_SURFACES = ((1.0, 0.25), (1.0, 0.5), (1.0, 1.5))
+"""Standard deviations of position (m) and rotation (rad) in each round of variations."""
+_COMPARISONS = 3 + len(_VARIATIONS)
+_FRICTIONS = ((1.0, 0.25), (1.0, 0.5), (1.0, 1.5))
 _NEARBY = ((1.0, 0.7), (1.0, 1.4), (0.5, 1.0), (2.0, 1.0))
 """Factors on mass and friction."""
 
 
 @dataclass(frozen=True)
 class SearchEffort:
-    """How much is tried.
+    """Size of the search.
 
     Attributes
     ----------
     proposals
         Grasps proposed from the shape and ranked by geometry.
-    racers
-        How many of them race in simulation.
-    children
+    candidates
+        Number of them compared in simulation.
+    variations
         Variations in each of the two rounds of refinement.
-    first
-        Trials of every racer in a race's first heat; each further heat halves the racers and
-        doubles the trials.
-    last
-        Trials after which a race is over.
-    choose
-        Trials of each finalist on the choose part.
+    first_trials
+        Trials of each candidate in the first round of successive halving. Each further round has
+        half of the candidates and twice the trials.
+    last_trials
+        Trials of each candidate in the last round.
+    validation_trials
+        Trials of each finalist on the validation split.
     """
 
     proposals: int = 600
-    racers: int = 24
-    children: int = 10
-    first: int = 8
-    last: int = 128
-    choose: int = 200
+    candidates: int = 24
+    variations: int = 10
+    first_trials: int = 8
+    last_trials: int = 128
+    validation_trials: int = 200
 
     def scaled(self, factor: float) -> SearchEffort:
-        """More or less of everything that is simulated."""
-        grown = {
+        """Return a larger or smaller search: numbers of candidates and validation trials scaled."""
+        scaled = {
             name: max(4, round(getattr(self, name) * factor))
-            for name in ("racers", "children", "choose")
+            for name in ("candidates", "variations", "validation_trials")
         }
-        return replace(self, **grown)
+        return replace(self, **scaled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,180 +91,142 @@ class _Candidate:
 
 @dataclass(frozen=True, eq=False)
 class FittedGrasp:
-    """The grasp found.
+    """Result of the search.
 
     Attributes
     ----------
-    grasp
-        The grasp itself.
-    mass_kg, friction
-        With which it was found.
-    origin
-        How it came about.
-    fit, choose
-        Agreement on the two parts; on the fit part as weighted in the search.
+    reference
+        The grasp, with the mass and friction with which it was found.
+    train, validation
+        Agreement on the two splits; on the train split weighted as in the search.
     held
-        Of 20 perfect estimates jittered by 1 mm and 1 degree, how many were held.
+        Successes among 20 perfect estimates with a jitter of 1 mm and 1 degree.
     candidates
-        Grasps (and frictions and masses) tried in simulation.
+        Number of grasps, frictions and masses tried in simulation.
     trials
-        Trials simulated.
+        Number of trials simulated.
     """
 
-    grasp: Grasp
-    mass_kg: float
-    friction: float
-    origin: str
-    fit: Agreement
-    choose: Agreement
+    reference: ReferenceGrasp
+    train: Agreement
+    validation: Agreement
     held: int
     candidates: int
     trials: int
 
-    def reference(self, seed: int, report: Agreement) -> ReferenceGrasp:
-        """As an entry of a table of grasps, with the figures of all three parts."""
-        parts = {"fit": self.fit, "choose": self.choose, "report": report}
-        figures: dict[str, str | int | float | bool] = {
+    def with_test(self, test: Agreement, seed: int) -> ReferenceGrasp:
+        """Return the entry for a table of grasps, with the agreement on all three splits."""
+        splits = {"train": self.train, "validation": self.validation, "test": test}
+        figures: dict[str, Figure] = {
             f"{name}_{key}": round(getattr(found, key), 4)
-            for name, found in parts.items()
+            for name, found in splits.items()
             for key in ("accuracy", "kappa", "majority", "n")
         }
         figures |= {"perfect_held_of_20": self.held, "candidates": self.candidates}
         figures |= {"trials": self.trials, "seed": seed}
-        return ReferenceGrasp(
-            grasp=self.grasp,
-            provenance=f"searched by graspcast fit-grasp on given outcomes; {self.origin}",
-            mass_kg=self.mass_kg,
-            friction=self.friction,
-            agreement=figures,
-        )
-
-
-def jitter_held(
-    runner: TrialRunner, grasp: Grasp, count: int = 20, seed: int = 0
-) -> tuple[int, int]:
-    """Of ``count`` perfect estimates jittered by 1 mm and 1 degree, how many are held.
-
-    The jitter is normal with these lengths as root mean square, in a uniform direction.
-    """
-    rng = np.random.default_rng(seed)
-    scale = np.repeat([1e-3, np.deg2rad(1.0)], 3) / np.sqrt(3)
-    twists = rng.standard_normal((count, 6)) * scale
-    return sum(runner.run(exp(t), grasp).success for t in twists), count
-
-
-def simulated(runner: TrialRunner, grasp: Grasp, trials: FittedTrials) -> Bool[ndarray, " n"]:
-    """Whether each of the trials succeeds in simulation."""
-    return np.array([runner.run(e, grasp).success for e in trials.obj_T_est], dtype=bool)
-
-
-def report_grasp(
-    found: FittedGrasp, grasp_object: GraspObject, gripper: Gripper, report: FittedTrials
-) -> Agreement:
-    """Agreement on trials that took no part in the search, all of them, at full length."""
-    thing = with_physics(grasp_object, mass_kg=found.mass_kg, friction=found.friction)
-    outcomes = simulated(TrialRunner(thing, gripper), found.grasp, report)
-    return agreement(outcomes, report.success)
+        return replace(self.reference, agreement=figures)
 
 
 def fit_grasp(
     grasp_object: GraspObject,
     gripper: Gripper,
-    fit: FittedTrials,
-    choose: FittedTrials,
+    train: LabelledTrials,
+    validation: LabelledTrials,
     *,
     seed: int = 0,
     effort: SearchEffort | None = None,
     start: Sequence[Float[ndarray, "4 4"]] = (),
-    hold_perfect: bool = True,
+    require_perfect_hold: bool = True,
     settings: TrialSettings | None = None,
-    progress: Callable[[str, float, float], None] | None = None,
+    progress: Callable[[float, str], None] | None = None,
 ) -> FittedGrasp:
-    """Find the reference grasp that agrees best with given outcomes.
+    """Find the reference grasp whose simulated outcomes agree best with observed ones.
 
     Parameters
     ----------
     grasp_object
-        The object, with the mass and friction to begin with.
+        The object, with initial mass and friction.
     gripper
         The gripper.
-    fit
-        What to search on.
-    choose
-        What decides among the finalists.
+    train
+        Trials to search on.
+    validation
+        Trials to choose among the finalists.
     seed
-        Of all that is random; the same seed finds the same grasp.
+        Random seed; the same seed finds the same grasp.
     effort
-        How much to try.
+        Size of the search; the defaults if None.
     start
-        Grasps (``obj_T_grasp``) that race along with the proposals.
-    hold_perfect
-        Whether only grasps that hold a perfect estimate count. Given outcomes can contradict that:
-        where trials with hardly an error failed, no such grasp can agree.
+        Grasps (``obj_T_grasp``) to compare with the proposals.
+    require_perfect_hold
+        Whether a grasp must hold a perfect estimate. If trials with nearly no error failed, no such
+        grasp can agree with them.
     settings
-        Of the trials; searching, the lift is cut to 3 s.
+        How the trials are run; the search shortens the lift to 3 s.
     progress
-        Called with what is being done, the share of the races that are over, and the agreement of
-        the best so far.
+        Called with the share done and a short message.
 
     Raises
     ------
     InputError
-        If a part has no trials, or no grasp at all holds a perfect estimate.
+        If a split has no trials, or no grasp holds a perfect estimate.
     """
-    for name, part in (("fit", fit), ("choose", choose)):
-        if not len(part):
-            raise InputError(f"{grasp_object.name}: there are no outcomes in the {name} part")
+    for name, trials in (("train", train), ("validation", validation)):
+        if not len(trials):
+            raise InputError(
+                f"{grasp_object.name}: there are no outcomes in the {name} split",
+                parameters=("outcomes",),
+            )
     chosen = settings or TrialSettings()
-    search = _Search(grasp_object, gripper, fit, seed, hold_perfect, chosen, progress)
-    return search.run(choose, effort or SearchEffort(), start)
+    search = _Search(grasp_object, gripper, train, seed, require_perfect_hold, chosen, progress)
+    return search.run(validation, effort or SearchEffort(), start)
 
 
 @dataclass(eq=False)
 class _Search:
     grasp_object: GraspObject
     gripper: Gripper
-    fit: FittedTrials
+    train: LabelledTrials
     seed: int
-    hold_perfect: bool
+    require_perfect_hold: bool
     settings: TrialSettings
-    progress: Callable[[str, float, float], None] | None
+    progress: Callable[[float, str], None] | None
     trials: int = 0
-    races: int = 0
+    comparisons: int = 0
     _runners: dict[tuple[float, float, bool], TrialRunner] = field(default_factory=dict)
     _results: dict[_Candidate, dict[int, bool]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.seed)
-        self.sample = StratifiedSample(self.fit, self.rng)
+        self.sample = StratifiedSample(self.train, self.rng)
 
     def run(
-        self, choose: FittedTrials, effort: SearchEffort, start: Sequence[ndarray]
+        self, validation: LabelledTrials, effort: SearchEffort, start: Sequence[ndarray]
     ) -> FittedGrasp:
-        best = self._race(self._racers(effort, start), effort, keep=3)
-        best = self._race([*best, *self._physics(best[0], _SURFACES)], effort, keep=3)
+        best = self._compare(self._first(effort, start), effort, keep=3)
+        best = self._compare([*best, *self._physics(best[0], _FRICTIONS)], effort, keep=3)
         for shift_m, turn_rad in _VARIATIONS:
-            children = [
+            variations = [
                 self._candidate(
                     vary(parent.obj_T_grasp, shift_m, turn_rad, self.rng),
                     f"{parent.origin}, varied" if ", varied" not in parent.origin else None,
                     parent,
                 )
-                for parent in (best[i % len(best)] for i in range(3 * effort.children))
+                for parent in (best[i % len(best)] for i in range(3 * effort.variations))
             ]
-            steady = self._steady(children, effort.children)
-            best = self._race([*best, *steady], effort, keep=3)
-        best = self._race([*best, *self._physics(best[0], _NEARBY)], effort, keep=2)
-        return self._choose(best, choose, effort)
+            holding = self._holding(variations, effort.variations)
+            best = self._compare([*best, *holding], effort, keep=3)
+        best = self._compare([*best, *self._physics(best[0], _NEARBY)], effort, keep=2)
+        return self._choose(best, validation, effort)
 
     def _physics(
         self, like: _Candidate, factors: Sequence[tuple[float, float]]
     ) -> list[_Candidate]:
-        """The same grasp with other masses and frictions, as far as it is steady with them."""
+        """Return the grasp with other masses and frictions, where it holds a perfect estimate."""
         others = [
             replace(like, mass_kg=like.mass_kg * m, friction=like.friction * f) for m, f in factors
         ]
-        return self._steady(others, len(others))
+        return self._holding(others, len(others))
 
     def _candidate(
         self, pose: ndarray, origin: str | None = None, like: _Candidate | None = None
@@ -275,15 +235,15 @@ class _Search:
         friction = like.friction if like else self.grasp_object.friction
         return _Candidate(pose, mass, friction, origin or (like.origin if like else ""))
 
-    def _racers(self, effort: SearchEffort, start: Sequence[ndarray]) -> list[_Candidate]:
-        """Proposals by their rank in geometry alone, of which the steady ones race."""
+    def _first(self, effort: SearchEffort, start: Sequence[ndarray]) -> list[_Candidate]:
+        """Return the first candidates: start grasps, and the best proposals by geometry."""
         runner = self._runner(self.grasp_object.mass_kg, self.grasp_object.friction)
         hand = OpenHand.of(runner.scene, self.gripper)
         points = surface_points(self.grasp_object, 4000, self.rng)
         proposals = propose(self.grasp_object, hand, effort.proposals, self.rng, points)
         rows, weights = self.sample.take(120)
-        seen = transform_points(invert(self.fit.obj_T_est[rows]), points[:300])
-        success = self.fit.success[rows]
+        seen = transform_points(invert(self.train.obj_T_est[rows]), points[:300])
+        success = self.train.success[rows]
         ranked = sorted(
             range(len(proposals)),
             key=lambda i: (
@@ -294,19 +254,20 @@ class _Search:
                 i,
             ),
         )
-        by_hand = [self._candidate(np.array(pose), "given") for pose in start]
+        given = [self._candidate(np.array(pose), "given") for pose in start]
         proposed = [self._candidate(proposals[i], "proposed") for i in ranked]
-        out = self._steady(by_hand, len(by_hand)) + self._steady(proposed, effort.racers)
+        out = self._holding(given, len(given)) + self._holding(proposed, effort.candidates)
         if not out:
             raise InputError(
                 f"no grasp of {self.grasp_object.name!r} by {self.gripper.name!r} holds a perfect "
-                f"estimate: {len(proposed)} proposed, {len(by_hand)} given"
+                f"estimate: {len(proposed)} proposed, {len(given)} given",
+                parameters=("require_perfect_hold",),
             )
         return out
 
-    def _steady(self, candidates: Sequence[_Candidate], count: int) -> list[_Candidate]:
-        """The first ``count`` that hold a perfect estimate, and four that are jittered."""
-        if not self.hold_perfect:
+    def _holding(self, candidates: Sequence[_Candidate], count: int) -> list[_Candidate]:
+        """Return the first ``count`` that hold a perfect estimate and four jittered ones."""
+        if not self.require_perfect_hold:
             return list(candidates[:count])
         out: list[_Candidate] = []
         for candidate in candidates:
@@ -317,26 +278,29 @@ class _Search:
             if not runner.run(np.eye(4), self._grasp(candidate)).success:
                 continue
             self.trials += 4
-            if jitter_held(runner, self._grasp(candidate), 4)[0] == 4:
+            if held_under_jitter(runner, self._grasp(candidate), 4) == 4:
                 out.append(candidate)
         return out
 
-    def _race(
+    def _compare(
         self, candidates: list[_Candidate], effort: SearchEffort, keep: int
     ) -> list[_Candidate]:
-        """Successive halving: every heat has half of the racers and twice the trials."""
-        trials = effort.first
+        """Compare by successive halving: half of the candidates and twice the trials a round."""
+        trials = effort.first_trials
         while True:
             found = [(self._agreement(c, trials), c) for c in candidates]
             found.sort(key=lambda pair: -_score(pair[0]))
             candidates = [c for _, c in found]
             if self.progress is not None:
-                words = f"{len(candidates)} racers, {trials} trials each"
-                self.progress(words, self.races / _RACES, found[0][0].accuracy)
-            if trials >= effort.last:
-                self.races += 1
+                best = found[0][0].accuracy
+                self.progress(
+                    self.comparisons / _COMPARISONS,
+                    f"{len(candidates)} candidates, {trials} trials each, best {best:.3f}",
+                )
+            if trials >= effort.last_trials:
+                self.comparisons += 1
                 return candidates[:keep]
-            trials = min(2 * trials, effort.last)
+            trials = min(2 * trials, effort.last_trials)
             candidates = candidates[: max(keep, len(candidates) // 2)]
 
     def _agreement(self, candidate: _Candidate, trials: int) -> Agreement:
@@ -346,35 +310,37 @@ class _Search:
         for row in rows.tolist():
             if row not in known:
                 self.trials += 1
-                estimate = self.fit.obj_T_est[row]
+                estimate = self.train.obj_T_est[row]
                 known[row] = runner.run(estimate, self._grasp(candidate)).success
-        return agreement(np.array([known[r] for r in rows]), self.fit.success[rows], weights)
+        return agreement(np.array([known[r] for r in rows]), self.train.success[rows], weights)
 
     def _choose(
-        self, finalists: list[_Candidate], part: FittedTrials, effort: SearchEffort
+        self, finalists: list[_Candidate], validation: LabelledTrials, effort: SearchEffort
     ) -> FittedGrasp:
-        """The finalist that agrees best on the choose part, of those that hold all jitters."""
-        rows, weights = StratifiedSample(part, self.rng).take(effort.choose)
+        """Return the finalist that holds most jittered estimates; of equals, the best agreement."""
+        rows, weights = StratifiedSample(validation, self.rng).take(effort.validation_trials)
         out = []
         for candidate in finalists:
             grasp = self._grasp(candidate)
             full = self._runner(candidate.mass_kg, candidate.friction, full=True)
-            held, of = jitter_held(full, grasp)
+            held = held_under_jitter(full, grasp)
             runner = self._runner(candidate.mass_kg, candidate.friction)
-            simulated = [runner.run(part.obj_T_est[r], grasp).success for r in rows]
-            self.trials += of + len(rows)
-            found = agreement(np.array(simulated), part.success[rows], weights)
+            simulated = [runner.run(validation.obj_T_est[r], grasp).success for r in rows]
+            self.trials += 20 + len(rows)
+            found = agreement(np.array(simulated), validation.success[rows], weights)
             out.append((held, found, candidate))
         held, chosen, best = max(
-            out, key=lambda item: (item[0] if self.hold_perfect else 0, _score(item[1]))
+            out, key=lambda item: (item[0] if self.require_perfect_hold else 0, _score(item[1]))
         )
         return FittedGrasp(
-            grasp=self._grasp(best),
-            mass_kg=best.mass_kg,
-            friction=best.friction,
-            origin=best.origin,
-            fit=self._agreement(best, effort.last),
-            choose=chosen,
+            reference=ReferenceGrasp(
+                grasp=self._grasp(best),
+                provenance=f"searched on observed outcomes; {best.origin}",
+                mass_kg=best.mass_kg,
+                friction=best.friction,
+            ),
+            train=self._agreement(best, effort.last_trials),
+            validation=chosen,
             held=held,
             candidates=len(self._results),
             trials=self.trials,
@@ -396,6 +362,6 @@ class _Search:
 
 
 def _score(found: Agreement) -> float:
-    """What is maximised: the mean of agreement and Cohen's kappa, or agreement without failures."""
+    """Return the objective: the mean of accuracy and kappa, or accuracy if kappa is undefined."""
     one_sided = found.majority > 1 - 1e-9
     return found.accuracy if one_sided else 0.5 * (found.accuracy + found.kappa)

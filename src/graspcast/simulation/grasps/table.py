@@ -1,9 +1,9 @@
-"""Reference grasps: one for each object and gripper, kept as data in ``grasps.toml``."""
+"""Table of reference grasps, one for each object and gripper, read from TOML files."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from os import PathLike
@@ -23,26 +23,26 @@ __all__ = ["GraspTable", "ReferenceGrasp", "grasps_in", "read_grasps", "write_gr
 
 Figure = str | int | float | bool
 _HEADER = """\
-# Reference grasps: where a gripper's tool centre point goes, seen from the object. In its frame z
-# is the direction of approach and x the one in which the fingers close. Metres; quaternions wxyz.
+# Reference grasps: pose of the gripper's tool centre point in the object's frame. Its z is the
+# direction of approach, its x the direction in which the fingers close. Metres; quaternions wxyz.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceGrasp:
-    """The reference grasp of an object by a gripper, and how it was found.
+    """Reference grasp of an object by a gripper, with its provenance.
 
     Attributes
     ----------
     grasp
-        The grasp itself.
+        The grasp.
     provenance
-        How it was found, for people to read.
+        How it was found, as text.
     mass_kg, friction
-        What replaces the object's own values in trials with this gripper.
+        Values that replace the object's own in trials with this gripper.
     agreement
-        Figures about it, by name: how well simulated outcomes agree with given ones on each part of
-        the images, how many candidates were tried.
+        Figures by name: agreement of simulated with observed outcomes in each split, the number of
+        candidates tried.
     """
 
     grasp: Grasp
@@ -52,12 +52,12 @@ class ReferenceGrasp:
     agreement: Mapping[str, Figure] = field(default_factory=dict)
 
     def applied_to(self, grasp_object: GraspObject) -> GraspObject:
-        """The object with the mass and friction of this pair."""
+        """Return the object with the mass and friction of this grasp."""
         return with_physics(grasp_object, mass_kg=self.mass_kg, friction=self.friction)
 
 
 class GraspTable:
-    """Reference grasps by object and gripper, in the order of the file."""
+    """Reference grasps by object and gripper, in the order of the files."""
 
     def __init__(self, grasps: Iterable[ReferenceGrasp]):
         self._grasps: dict[tuple[str, str], ReferenceGrasp] = {}
@@ -68,12 +68,12 @@ class GraspTable:
             self._grasps[pair] = reference
 
     def __call__(self, object_name: str, gripper: str) -> ReferenceGrasp:
-        """The grasp of an object by a gripper.
+        """Return the grasp of an object by a gripper.
 
         Raises
         ------
         UnknownNameError
-            Listing the grippers that have a grasp of this object.
+            If there is none; the message lists the grippers that have one.
         """
         reference = self._grasps.get((object_name, gripper))
         if reference is None:
@@ -81,7 +81,8 @@ class GraspTable:
                 f"grasp of {object_name!r} by",
                 gripper,
                 [g for o, g in self._grasps if o == object_name],
-                hint="Find one with `graspcast fit-grasp`, or add it to a TOML file of grasps",
+                hint="Add it to a TOML file of grasps, or search for one (fit_grasp)",
+                parameters=("grasps",),
             )
         return reference
 
@@ -95,15 +96,35 @@ class GraspTable:
         return len(self._grasps)
 
     def updated(self, grasps: Iterable[ReferenceGrasp]) -> GraspTable:
-        """This table with some grasps replaced or added."""
+        """Return this table with some grasps replaced or added."""
         new = GraspTable(grasps)
         return GraspTable((self._grasps | new._grasps).values())
 
+    def pairs(
+        self, objects: Iterable[str], grippers: Sequence[str], *, strict: bool
+    ) -> list[tuple[str, str]]:
+        """Return the pairs of the given objects and grippers that have a grasp.
+
+        Raises
+        ------
+        InputError
+            If none has one or, if ``strict``, any has none.
+        """
+        pairs = [(name, gripper) for name in sorted(objects) for gripper in grippers]
+        known = [pair for pair in pairs if pair in self]
+        if not known or (strict and len(known) < len(pairs)):
+            lacking = ", ".join(f"{o} by {g}" for o, g in pairs if (o, g) not in self)
+            raise InputError(
+                f"no reference grasp of {lacking}; an object of a dataset is named DATASET-NUMBER",
+                parameters=("objects", "grasps"),
+            )
+        return known
+
 
 def read_grasps(path: str | PathLike[str] | None = None) -> GraspTable:
-    """The grasps that come with graspcast, and those of a user's file, which take precedence.
+    """Read the built-in grasps and those of a file, which take precedence.
 
-    A file holds one entry a grasp::
+    A file has one entry per grasp::
 
         [[grasp]]
         object = "ycbv-4"
@@ -111,7 +132,7 @@ def read_grasps(path: str | PathLike[str] | None = None) -> GraspTable:
         position_m = [0.0, 0.0, 0.03]
         quaternion = [0.0, 1.0, 0.0, 0.0]   # wxyz of obj_T_grasp
         provenance = "from the top, by hand"
-        friction = 0.7                      # optional, as is mass_kg: for this pair only
+        friction = 0.7                      # optional, as is mass_kg; for this gripper only
 
         [grasp.agreement]                   # optional figures
         candidates = 24
@@ -119,7 +140,7 @@ def read_grasps(path: str | PathLike[str] | None = None) -> GraspTable:
     Raises
     ------
     FormatError
-        Naming the entry and the key.
+        If the file is not valid; the message names the entry and the key.
     """
     built_in = Path(str(files("graspcast.simulation.grasps") / "grasps.toml"))
     table = GraspTable(grasps_in(built_in))
@@ -127,13 +148,13 @@ def read_grasps(path: str | PathLike[str] | None = None) -> GraspTable:
 
 
 def write_grasps(path: str | PathLike[str], grasps: Iterable[ReferenceGrasp]) -> None:
-    """Write grasps such that :func:`read_grasps` reads the same numbers; sorted, whole or not."""
+    """Write grasps to a TOML file, sorted and atomically; reading gives the same numbers."""
     ordered = sorted(grasps, key=lambda r: (_natural(r.grasp.object), r.grasp.gripper))
     write_text(path, "\n".join([_HEADER, *(_entry_text(reference) for reference in ordered)]))
 
 
 def grasps_in(path: str | PathLike[str]) -> list[ReferenceGrasp]:
-    """The grasps of a file alone; errors as of :func:`read_grasps`."""
+    """Read the grasps of one file only; raises as :func:`read_grasps`."""
     path = Path(path)
     tables = read_toml(path)
     outer = TomlTable(path, "the file", tables)

@@ -1,4 +1,4 @@
-"""The grippers that come with graspcast, and how any other is loaded."""
+"""Grippers: the built-in ones, and custom ones from an MJCF model."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from graspcast.simulation.grippers.tendon_hand import TendonHand
 __all__ = ["GRIPPERS", "FrankaHand", "MjcfGripper", "TendonHand", "load_gripper"]
 
 GRIPPERS: dict[str, Callable[[], Gripper]] = {"parallel": FrankaHand, "underactuated": TendonHand}
-"""The built-in grippers, by the paper's words for them."""
+"""Built-in grippers by the paper's names."""
 
 _OTHER_NAMES = {"franka": "parallel", "tendon_hand": "underactuated"}
 
 
 def load_gripper(name_or_path: str | PathLike[str]) -> Gripper:
-    """A built-in gripper by its name, or a user's own from its TOML file.
+    """Load a built-in gripper by name, or a custom one from its TOML file.
 
     Parameters
     ----------
     name_or_path
-        ``"parallel"`` (or ``"franka"``), ``"underactuated"`` (or ``"tendon_hand"``), or a path that
-        ends in ``.toml``.
+        ``"parallel"`` (or ``"franka"``), ``"underactuated"`` (or ``"tendon_hand"``), or a path
+        that ends in ``.toml``.
 
     Raises
     ------
     UnknownNameError
-        For a name that is neither.
+        If there is no such built-in gripper.
     FormatError
-        For a TOML or MJCF that does not describe a gripper.
+        If the TOML or MJCF file does not describe a gripper.
     """
     path = Path(name_or_path)
     if path.suffix == ".toml":
@@ -45,6 +45,7 @@ def load_gripper(name_or_path: str | PathLike[str]) -> Gripper:
             "gripper",
             name_or_path,
             [*GRIPPERS, *_OTHER_NAMES],
-            hint="An own gripper is given by its .toml file.",
+            hint="A custom gripper is given by its .toml file.",
+            parameters=("gripper",),
         )
     return GRIPPERS[name]()

@@ -1,4 +1,4 @@
-"""The Franka Hand, a parallel gripper, from primitives."""
+"""Franka Hand: a parallel gripper, modelled with primitives."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ _GREY, _DARK = (0.86, 0.87, 0.88, 1.0), (0.2, 0.21, 0.23, 1.0)
 
 @dataclass(frozen=True)
 class FrankaHand:
-    """The Franka Hand: two fingers on one drive, closing along y of the base, reaching along z.
+    """Franka Hand: two fingers on one drive that close along y of the base and point along z.
 
-    Stroke, frames, pads and masses are those of the manufacturer's hand as MuJoCo Menagerie gives
-    them; the grip force is a choice within the manual's 30 to 70 N of continuous force.
+    Stroke, frames, pads and masses are those of MuJoCo Menagerie's model; the grip force is chosen
+    within the manual's range of 30 to 70 N (continuous).
 
     Attributes
     ----------
     grip_n
-        Force with which each finger presses.
+        Grip force of each finger, N.
     finger_speed
         Speed of each finger, m/s (the manual's 50 mm/s).
     stroke_m
-        Travel of each finger.
+        Travel of each finger, metres.
     stiffness
-        Of the drive's position servo, N/m; it saturates at ``grip_n``.
+        Stiffness of the drive's position servo, N/m; it saturates at ``grip_n``.
     reflected_kg
-        The drive's inertia as each finger feels it.
+        Inertia of the drive reflected to each finger, kg.
     gear_damping
-        Viscous friction of the drive on each finger, Ns/m. It keeps a finger that slips off an edge
-        from shooting ahead where the servo saturates.
+        Viscous friction of the drive on each finger, Ns/m. It limits the speed of a finger that
+        slips off an edge while the servo is saturated.
     """
 
     grip_n: float = 60.0
@@ -63,79 +63,49 @@ class FrankaHand:
 
     @property
     def max_opening_m(self) -> float:
-        """80 mm between the pads."""
+        """Distance between the open pads: 80 mm."""
         return 2 * self.stroke_m
 
     @cached_property
     def base_T_tcp(self) -> Float[ndarray, "4 4"]:
-        """103.4 mm in front of the base, its x along the base's y."""
+        """Tool centre point 103.4 mm in front of the base, its x along the base's y."""
         rotation = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
         return transform(rotation, np.array([0.0, 0.0, 0.1034]))
 
     @cached_property
     def closing(self) -> Closing:
-        """Both fingers in at ``finger_speed``, to a point beyond contact so that force is full."""
+        """Both fingers at ``finger_speed``, to a target beyond contact for the full force."""
         beyond = -2.0 * self.grip_n / self.stiffness
         seconds = (self.max_opening_m - beyond) / (2 * self.finger_speed)
         return Closing({"fingers": self.max_opening_m}, {"fingers": beyond}, seconds)
 
     @property
     def equilibrium(self) -> Equilibrium:
-        """The defaults."""
+        """The default criterion."""
         return Equilibrium()
 
     @property
     def self_collision(self) -> bool:
-        """The fingers' stops keep them apart, so no."""
+        """False: the joint limits prevent contact of the fingers."""
         return False
 
     def spec(self) -> Any:
-        """The hand's model: a box for the body; for each finger a box and its pad."""
+        """Return the model: a box for the body, and a box and a pad for each finger."""
         import mujoco
 
         spec = mujoco.MjSpec()
-        box = mujoco.mjtGeom.mjGEOM_BOX
         hand = spec.worldbody.add_body(name="hand")
         # The housing, 63 x 205 mm, with its face 66 mm in front of the base.
         hand.add_geom(
             name="housing",
-            type=box,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
             size=(0.0315, 0.1025, 0.046),
             pos=(0, 0, 0.02),
             mass=0.73,
             rgba=_GREY,
         )
-        for side, sign in (("left", 1.0), ("right", -1.0)):
-            finger = hand.add_body(name=f"{side}_finger", pos=(0, 0, 0.0584))
-            if sign < 0:
-                finger.quat = (0, 0, 0, 1)
-            finger.add_joint(
-                name=side,
-                type=mujoco.mjtJoint.mjJNT_SLIDE,
-                axis=(0, 1, 0),
-                range=(0, self.stroke_m),
-                armature=self.reflected_kg,
-                damping=(self.gear_damping, 0, 0),
-                solref_limit=(0.006, 1),
-                solimp_limit=(0.98, 0.999, 0.0005, 0.5, 2),
-            )
-            finger.add_geom(
-                name=f"{side}_link",
-                type=box,
-                size=(0.01, 0.007, 0.018),
-                pos=(0, 0.0165, 0.018),
-                mass=0.011,
-                rgba=_GREY,
-            )
-            # One pad in place of a groove between four corners: its face is where theirs are.
-            finger.add_geom(
-                name=f"{side}_pad",
-                type=box,
-                size=(0.0085, 0.00475, 0.0085),
-                pos=(0, 0.00475, 0.0445),
-                mass=0.004,
-                rgba=_DARK,
-            )
+        for side in ("left", "right"):
+            self._add_finger(hand, side)
         # One drive moves both fingers, so neither can push the other back.
         spec.add_equality(
             name="one drive",
@@ -159,3 +129,38 @@ class FrankaHand:
         )
         drive.set_to_position(kp=self.stiffness)
         return spec
+
+    def _add_finger(self, hand: Any, side: str) -> None:
+        import mujoco
+
+        box = mujoco.mjtGeom.mjGEOM_BOX
+        finger = hand.add_body(name=f"{side}_finger", pos=(0, 0, 0.0584))
+        if side == "right":
+            finger.quat = (0, 0, 0, 1)
+        finger.add_joint(
+            name=side,
+            type=mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=(0, 1, 0),
+            range=(0, self.stroke_m),
+            armature=self.reflected_kg,
+            damping=(self.gear_damping, 0, 0),
+            solref_limit=(0.006, 1),
+            solimp_limit=(0.98, 0.999, 0.0005, 0.5, 2),
+        )
+        finger.add_geom(
+            name=f"{side}_link",
+            type=box,
+            size=(0.01, 0.007, 0.018),
+            pos=(0, 0.0165, 0.018),
+            mass=0.011,
+            rgba=_GREY,
+        )
+        # One flat pad replaces the four corners around a groove; its face is in their plane.
+        finger.add_geom(
+            name=f"{side}_pad",
+            type=box,
+            size=(0.0085, 0.00475, 0.0085),
+            pos=(0, 0.00475, 0.0445),
+            mass=0.004,
+            rgba=_DARK,
+        )

@@ -1,16 +1,16 @@
-"""A user's own gripper: an MJCF model and a short TOML that says how to use it.
+"""Custom gripper from an MJCF model and a TOML file that describes its use.
 
 ::
 
     name = "three_jaw"
-    model = "three_jaw.xml"        # beside the TOML; one root body, the hand's base, without joint
+    model = "three_jaw.xml"        # beside the TOML; its only root body is the base, without joint
     max_opening_m = 0.09
     self_collision = false         # optional
     tcp_site = "tcp"               # z: out along the fingers; x: the direction of closing
 
     [closing]
     seconds = 0.8
-    open = { drive = 0.0 }         # one entry for each actuator of the model
+    open = { drive = 0.0 }         # an entry for each actuator of the model
     close = { drive = 0.04 }
 
     [equilibrium]                  # optional, see grippers.protocol.Equilibrium
@@ -19,7 +19,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -29,18 +28,16 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
+from graspcast.io.toml import TomlTable, read_toml
 from graspcast.pose.transforms import transform
 from graspcast.simulation.grippers.protocol import Closing, Equilibrium
 
 __all__ = ["MjcfGripper"]
 
-_KEYS = ("name", "model", "max_opening_m", "self_collision", "tcp_site", "closing", "equilibrium")
-_OPTIONAL = ("self_collision", "equilibrium")
-
 
 @dataclass(frozen=True, eq=False)
 class MjcfGripper:
-    """A gripper from an MJCF file; see the module's docstring for the TOML that describes it."""
+    """Gripper from an MJCF file; the module's docstring describes the TOML file."""
 
     name: str
     model: Path
@@ -57,63 +54,53 @@ class MjcfGripper:
         Raises
         ------
         InputError
-            If a file cannot be read.
+            If the MJCF file does not exist.
         FormatError
-            If the TOML lacks or misspells a key, or MuJoCo cannot compile the MJCF, or the MJCF has
-            not exactly one fixed root body.
+            If the TOML file is not valid, MuJoCo cannot compile the MJCF, or the MJCF does not have
+            exactly one root body without joint.
         UnknownNameError
-            If an actuator or the site is not in the MJCF.
+            If the MJCF lacks an actuator or the site.
         """
         path = Path(path)
-        table = _read(path)
-        model = path.parent / str(table["model"])
+        table = TomlTable(path, "the gripper", read_toml(path))
+        model = path.parent / str(table.take("model", str))
         spec = _load(model)
         compiled = _compile(spec, model)
-        closing = _section(path, "closing", Closing, table["closing"])
-        actuators = [a.name for a in spec.actuators]
-        for name in closing.open:
-            if name not in actuators:
-                raise UnknownNameError("actuator", name, actuators, hint=f"See {path} and {model}.")
-        if missing := [name for name in actuators if name not in closing.open]:
-            raise FormatError(
-                path,
-                f"{model.name} has the actuators {', '.join(actuators)}, but nothing is said of "
-                f"{', '.join(missing)}: give each its control when open and when closed",
-                where="[closing]",
-            )
-        return cls(
-            name=str(table["name"]),
+        closing = _section(path, "closing", Closing, table.take("closing", dict))
+        _check_actuators(path, model, [a.name for a in spec.actuators], closing)
+        equilibrium = table.take("equilibrium", dict, {})
+        gripper = cls(
+            name=table.take("name", str),
             model=model,
-            base_T_tcp=_tcp(path, compiled, str(table["tcp_site"])),
-            max_opening_m=_positive(path, "max_opening_m", table["max_opening_m"]),
+            base_T_tcp=_tcp(path, compiled, table.take("tcp_site", str)),
+            max_opening_m=table.number("max_opening_m", lambda x: x > 0, "above zero"),
             closing=closing,
-            equilibrium=_section(path, "equilibrium", Equilibrium, table.get("equilibrium", {})),
-            self_collision=bool(table.get("self_collision", False)),
+            equilibrium=_section(path, "equilibrium", Equilibrium, equilibrium),
+            self_collision=table.take("self_collision", bool, False),
         )
+        table.nothing_else()
+        return gripper
 
     def spec(self) -> Any:
-        """The MJCF, read afresh."""
+        """Read the MJCF file."""
         return _load(self.model)
 
 
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FormatError(path, f"is not TOML: {error}") from error
-    for key in table:
-        if key not in _KEYS:
-            raise UnknownNameError("key", key, _KEYS, hint=f"It is in {path}.")
-    if missing := [key for key in _KEYS if key not in table and key not in _OPTIONAL]:
-        raise FormatError(path, f"lacks {', '.join(missing)}; a gripper needs them all")
-    return table
+def _check_actuators(path: Path, model: Path, actuators: list[str], closing: Closing) -> None:
+    """Raise unless the closing command names exactly the actuators of the model."""
+    for name in closing.open:
+        if name not in actuators:
+            raise UnknownNameError("actuator", name, actuators, hint=f"See {path} and {model}.")
+    if missing := [name for name in actuators if name not in closing.open]:
+        raise FormatError(
+            path,
+            f"lacks the actuators {', '.join(missing)} of {model.name}: give the control of each "
+            "when open and when closed",
+            where="[closing]",
+        )
 
 
-def _section(path: Path, name: str, kind: type[Any], values: Any) -> Any:
-    if not isinstance(values, dict):
-        raise FormatError(path, "must be a table", where=f"[{name}]")
+def _section(path: Path, name: str, kind: type[Any], values: dict[str, Any]) -> Any:
     try:
         return kind(**values)
     except TypeError as error:
@@ -121,12 +108,6 @@ def _section(path: Path, name: str, kind: type[Any], values: Any) -> Any:
         raise FormatError(path, f"{error}; it may hold {known}", where=f"[{name}]") from error
     except InputError as error:
         raise FormatError(path, str(error), where=f"[{name}]") from error
-
-
-def _positive(path: Path, key: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
-        raise FormatError(path, f"must be a number above zero, got {value!r}", where=key)
-    return float(value)
 
 
 def _load(model: Path) -> Any:

@@ -1,4 +1,4 @@
-"""What a gripper must be."""
+"""Protocol of grippers: model, mounting, tool centre point and closing command."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ __all__ = ["Closing", "Equilibrium", "Gripper", "gripper_digest"]
 
 @dataclass(frozen=True)
 class Closing:
-    """How a gripper is opened and closed: each actuator's control goes linearly to its end value.
+    """Closing command: a linear ramp of each actuator's control from open to closed.
 
-    The ramp goes on during the lift if the hand comes to rest on the object before its end.
+    If the hand comes to rest on the object before the ramp ends, the ramp goes on in the lift.
 
     Attributes
     ----------
     open
-        Control of every actuator of the hand when open, in the actuator's unit.
+        Control of each actuator of the hand when open, in the actuator's unit.
     close
         Control of the same actuators when closed, held until the end of the trial.
     seconds
-        Duration of the ramp from open to closed.
+        Duration of the ramp.
     """
 
     open: Mapping[str, float]
@@ -48,21 +48,20 @@ class Closing:
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """When the closing hand has come to rest: nothing changed by more than this over ``window_s``.
+    """Largest changes over ``window_s`` at which the closing hand counts as at rest.
 
     Attributes
     ----------
     window_s
-        The time over which changes are measured.
+        Time over which changes are measured.
     motion_m
-        Largest motion of any finger joint and of the object; a hinge counts by the arc that it
-        moves at ``lever_m``.
+        Largest motion of any finger joint and of the object; of a hinge, the arc at ``lever_m``.
     lever_m
-        Lever that turns angles into distances.
+        Lever that converts angles to distances.
     force_fraction
-        Largest change of any actuator's force, as a part of the largest force.
+        Largest change of any actuator's force, as a fraction of its largest force.
     limit_s
-        After this time the trial goes on whether or not there is an equilibrium.
+        Time after which the lift starts without equilibrium.
     """
 
     window_s: float = 0.06
@@ -79,14 +78,14 @@ class Equilibrium:
 
 @runtime_checkable
 class Gripper(Protocol):
-    """A gripper: its model, where it is mounted, its tool centre point and how it is commanded.
+    """Gripper: model, mounting, tool centre point and commands.
 
-    ``graspcast.simulation.trial.gripper_conformance.check_gripper`` tells whether an object is one.
+    :func:`graspcast.simulation.trial.gripper_conformance.check_gripper` checks an implementation.
     """
 
     @property
     def name(self) -> str:
-        """A short name, as in reference grasps and campaigns."""
+        """Short name, as in reference grasps and campaigns."""
 
     @property
     def base_T_tcp(self) -> Float[ndarray, "4 4"]:
@@ -102,22 +101,22 @@ class Gripper(Protocol):
 
     @property
     def closing(self) -> Closing:
-        """How it is opened and closed."""
+        """Closing command."""
 
     @property
     def equilibrium(self) -> Equilibrium:
-        """When closing has come to rest."""
+        """Criterion for the end of closing."""
 
     @property
     def self_collision(self) -> bool:
-        """Whether the hand's own parts collide with one another."""
+        """Whether parts of the hand collide with one another."""
 
     def spec(self) -> Any:
-        """A fresh ``mujoco.MjSpec`` whose only root body, without a joint, is the hand's base."""
+        """Return a new ``mujoco.MjSpec``; its only root body, without joint, is the base."""
 
 
 def gripper_digest(gripper: Gripper) -> str:
-    """SHA-256, as hex, over everything about a gripper that a trial depends on."""
+    """Return the SHA-256, as hex, of everything in a gripper that a trial depends on."""
     spec = gripper.spec()
     content = hashlib.sha256(spec.to_xml().encode())
     for name, data in sorted(spec.assets.items()):

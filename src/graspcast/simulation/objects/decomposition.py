@@ -1,4 +1,4 @@
-"""A mesh as a few convex pieces, since physics engines collide nothing else; computed once."""
+"""Convex decomposition of a mesh into collision pieces, cached on disk."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ _SAMPLES, _SEARCH_NODES = 1000, 12
 
 @dataclass(frozen=True)
 class Decomposition:
-    """How a mesh becomes convex pieces.
+    """Parameters of a convex decomposition.
 
     Attributes
     ----------
     pieces
-        At most so many; 1 gives the convex hull, which needs no search.
+        Largest number of pieces; 1 gives the convex hull.
     threshold
-        CoACD's concavity at which a piece is left whole, for a mesh scaled to [-1, 1]: lower means
+        CoACD's concavity below which a piece is not cut, for a mesh scaled to [-1, 1]. Lower is
         finer.
     preprocess_resolution
-        CoACD's voxels for closing the mesh; where thin parts get lost, raise it.
+        CoACD's resolution for closing the mesh; raise it if thin parts are lost.
     search_iterations
-        CoACD's tree search per cut.
+        Iterations of CoACD's tree search per cut.
     seed
-        CoACD's seed.
+        Random seed of CoACD.
     hull_tolerance_m
-        How far a mesh vertex may stick out of its simplified hull, metres.
+        Largest distance of a mesh vertex from its simplified hull, metres.
     """
 
     pieces: int = 8
@@ -91,10 +91,10 @@ def cache_directory() -> Path:
 def decompose(
     vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], how: Decomposition
 ) -> tuple[ConvexPiece, ...]:
-    """Cut a mesh into convex pieces with CoACD (Wei et al., SIGGRAPH 2022).
+    """Decompose a mesh into convex pieces with CoACD.
 
-    The same mesh, parameters and CoACD version give the same pieces. They are kept in
-    :func:`cache_directory` under a hash of all three; a damaged file there is built again.
+    The same mesh, parameters and CoACD version give the same pieces. They are cached in
+    :func:`cache_directory` under a hash of all three; a damaged file is computed again.
 
     Parameters
     ----------
@@ -102,6 +102,11 @@ def decompose(
         The mesh, metres.
     how
         The parameters.
+
+    References
+    ----------
+    Wei et al., "Approximate Convex Decomposition for 3D Meshes with Collision-Aware Concavity and
+    Tree Search", SIGGRAPH 2022.
     """
     if how.pieces == 1:
         return (convex_hull(vertices, how.hull_tolerance_m),)
@@ -113,22 +118,24 @@ def decompose(
         try:
             _write(path, pieces)
         except InputError as error:
-            _log.warning("the convex pieces are not kept, so they are computed again: %s", error)
+            _log.warning("the convex pieces are not cached: %s", error)
     return pieces
 
 
 def convex_hull(points: Float[ndarray, "n 3"], tolerance_m: float) -> ConvexPiece:
-    """The convex hull of points, with as few vertices as the tolerance allows.
+    """Compute a simplified convex hull of points, within a tolerance (metres).
 
-    Grown from its extreme points: the point that sticks out most is added until none does by more
-    than the tolerance. Its vertices are points of the input, so it lies inside the full hull.
+    Starting from extreme points, the point farthest outside is added until none is outside by more
+    than the tolerance. The vertices are points of the input, so the full hull contains it.
     """
     from scipy.spatial import ConvexHull, QhullError
 
     try:
         corners = points[np.unique(ConvexHull(points).simplices)]
     except (QhullError, ValueError) as error:
-        raise InputError(f"{len(points)} points span no volume, so they have no hull") from error
+        raise InputError(
+            f"{len(points)} points span no volume, so they have no convex hull"
+        ) from error
     chosen = _simplex(corners)
     while True:
         hull = ConvexHull(corners[chosen])
@@ -144,7 +151,7 @@ def convex_hull(points: Float[ndarray, "n 3"], tolerance_m: float) -> ConvexPiec
 
 
 def _simplex(corners: Float[ndarray, "n 3"]) -> list[int]:
-    """Four points far from one plane: an extreme one, then each time the farthest from the rest."""
+    """Return four points that span a large tetrahedron, each farthest from those before it."""
     first = int(corners[:, 0].argmin())
     offset = corners - corners[first]
     second = int(np.linalg.norm(offset, axis=1).argmax())
@@ -203,7 +210,7 @@ _KINDS = ("vertices", "faces")
 
 
 def _read(path: Path) -> tuple[ConvexPiece, ...] | None:
-    # The zip container holds a CRC of every array, so any damage is an error here.
+    # The zip container has a CRC of every array, so any damage raises an error.
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             count = len(stored.files) // len(_KINDS)
@@ -213,5 +220,5 @@ def _read(path: Path) -> tuple[ConvexPiece, ...] | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        _log.warning("%s is damaged (%s) and is built again", path, error)
+        _log.warning("%s is damaged (%s) and is computed again", path, error)
         return None

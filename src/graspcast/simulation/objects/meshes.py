@@ -1,7 +1,8 @@
-"""Meshes of graspable objects: STL, OBJ or PLY, in millimetres or metres, and their mass."""
+"""Meshes of graspable objects (STL, OBJ or PLY, millimetres or metres) and their inertia."""
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -11,14 +12,17 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from graspcast.bop.meshes import Mesh
 from graspcast.errors import FormatError, InputError
 
-__all__ = ["MassProperties", "Mesh", "Unit", "mass_properties", "open_edges", "read_mesh"]
+__all__ = ["MassProperties", "Unit", "mass_properties", "open_edges", "read_mesh"]
+
+_log = logging.getLogger(__name__)
 
 Unit = Literal["auto", "mm", "m"]
 
 SMALLEST_M, LARGEST_M = 0.005, 1.0
-"""What a single hand can grasp, as the largest side of the bounding box."""
+"""Range of the largest side of the bounding box that a single hand can grasp."""
 
 _METRES = {"mm": 1e-3, "m": 1.0}
 _SUFFIXES = (".stl", ".obj", ".ply")
@@ -26,30 +30,8 @@ _VOLUME_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
-    """A triangle mesh in the object's frame.
-
-    Attributes
-    ----------
-    vertices
-        Metres, without duplicates.
-    faces
-        Triangles, none of them with two equal corners.
-    unit
-        The unit that the file is in.
-    notes
-        What the reader found out or decided, one sentence each, for the user to read.
-    """
-
-    vertices: Float[ndarray, "v 3"]
-    faces: Int[ndarray, "f 3"]
-    unit: str
-    notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
 class MassProperties:
-    """What a body of uniform density weighs on.
+    """Mass properties of a body of uniform density.
 
     Attributes
     ----------
@@ -58,28 +40,25 @@ class MassProperties:
     centroid
         Centre of mass in the object's frame, metres.
     inertia
-        Moments about the centroid along the object's axes, kg m^2.
-    notes
-        What had to be tolerated, one sentence each.
+        Inertia tensor about the centroid, in the object's axes, kg m^2.
     """
 
     volume_m3: float
     centroid: Float[ndarray, " 3"]
     inertia: Float[ndarray, "3 3"]
-    notes: tuple[str, ...] = ()
 
 
 def read_mesh(path: str | PathLike[str], unit: Unit = "auto") -> Mesh:
-    """Read a triangle mesh into metres.
+    """Read a triangle mesh into metres, with duplicate vertices merged.
 
-    Files state no unit, so ``"auto"`` takes the one in which the object is of a size that a hand
-    can grasp, 5 mm to 1 m: at most one of millimetres and metres is.
+    Mesh files state no unit. ``"auto"`` chooses the one of millimetres and metres in which the
+    object has a graspable size (5 mm to 1 m), and logs it at level INFO.
 
     Raises
     ------
     FormatError
-        If the file is missing, is no mesh, or has no faces; if neither unit, or not the stated one,
-        makes it graspable.
+        If the file cannot be read as a mesh or has no faces, or if the object has no graspable size
+        in the given unit.
     """
     path = Path(path)
     if path.suffix.lower() not in _SUFFIXES:
@@ -87,15 +66,16 @@ def read_mesh(path: str | PathLike[str], unit: Unit = "auto") -> Mesh:
     vertices, faces = _load(path)
     extent = float(np.ptp(vertices[faces].reshape(-1, 3), axis=0).max())
     chosen = _unit(path, extent, unit)
-    notes = [f"{path.name}: read as {chosen}"] if unit == "auto" else []
-    # STL repeats every corner, PLY those along texture seams; topology needs them once.
+    if unit == "auto":
+        _log.info("%s: read as %s", path.name, chosen)
+    # STL repeats every vertex, PLY those along texture seams; topology needs them once.
     vertices, number = np.unique(vertices, axis=0, return_inverse=True)
     faces = number.reshape(-1)[faces]
     degenerate = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
     faces = faces[~degenerate]
     if not len(faces):
         raise FormatError(path, "every one of its triangles has two equal corners")
-    return Mesh(vertices * _METRES[chosen], faces, chosen, tuple(notes))
+    return Mesh(vertices * _METRES[chosen], faces)
 
 
 def _load(path: Path) -> tuple[ndarray, ndarray]:
@@ -145,10 +125,11 @@ def _unit(path: Path, extent: float, unit: Unit) -> str:
 
 
 def open_edges(faces: Int[ndarray, "f 3"]) -> tuple[Int[ndarray, "e 2"], Int[ndarray, " e"]]:
-    """The edges along which a surface does not close, and how many faces meet at each.
+    """Return the edges at which a surface is not closed, and the number of faces at each.
 
-    On a closed surface whose faces all look outwards each edge is walked as often one way as the
-    other. An odd number of faces means a hole; an even one, faces that look different ways.
+    On a closed surface with consistent winding, the faces traverse each edge equally often in both
+    directions. At the other edges, an odd number of faces means a hole and an even number means
+    inconsistent winding.
     """
     directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     sign = np.where(directed[:, 0] < directed[:, 1], 1, -1)
@@ -162,25 +143,25 @@ def open_edges(faces: Int[ndarray, "f 3"]) -> tuple[Int[ndarray, "e 2"], Int[nda
 def mass_properties(
     vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], mass_kg: float, what: str
 ) -> MassProperties:
-    """Centroid and inertia of a body of uniform density, by volume integrals over its surface.
+    """Compute centroid and inertia of a body of uniform density from its surface.
 
-    A scan may leave a few edges open. A loop of length L bounds an area of at most L²/4π
-    (isoperimetric inequality), so the volume is uncertain by at most twice the cone over it from
-    the middle; that is tolerated up to 1 % of the volume, and noted.
+    A few open edges of a scan are tolerated. A loop of length L bounds an area of at most L²/4π
+    (isoperimetric inequality), so the error of the volume is at most twice the cone over the loop
+    from the middle. Up to 1 % of the volume is accepted, and logged at level INFO.
 
     Parameters
     ----------
     vertices, faces
         The mesh, metres.
     mass_kg
-        Its mass.
+        Mass.
     what
         The object's name in messages.
 
     Raises
     ------
     InputError
-        If the surface is not closed, or its faces look inwards or different ways.
+        If the surface is not closed, or its faces are inverted or inconsistently wound.
     """
     from trimesh.triangles import mass_properties as integrate
 
@@ -189,7 +170,6 @@ def mass_properties(
     a, b, c = np.moveaxis(triangles, 1, 0)
     volume = float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
     edges, count = open_edges(faces)
-    notes = []
     if len(edges):
         uncertain = _volume_uncertainty(vertices - middle, edges) / max(abs(volume), 1e-12)
         if uncertain > _VOLUME_TOLERANCE:
@@ -197,15 +177,17 @@ def mass_properties(
             problem = (
                 f"it is not watertight: {holes} edges are open"
                 if holes
-                else f"its faces look different ways along {len(edges)} edges"
+                else f"its faces are wound inconsistently at {len(edges)} edges"
             )
             raise InputError(
-                f"{what}: {problem}, so its volume and inertia mean nothing; close it and make "
+                f"{what}: {problem}, so its volume and inertia are undefined; close it and make "
                 "its normals consistent (MeshLab, Blender, trimesh.repair)"
             )
-        notes.append(
-            f"{what}: {len(edges)} edges do not close; the volume is uncertain by "
-            f"{100 * uncertain:.2g} % at most"
+        _log.info(
+            "%s: %d edges are not closed; the error of the volume is at most %.2g %%",
+            what,
+            len(edges),
+            100 * uncertain,
         )
     if volume <= 0:
         raise InputError(
@@ -217,7 +199,6 @@ def mass_properties(
         volume_m3=volume,
         centroid=np.asarray(integral["center_mass"]) + middle,
         inertia=np.asarray(integral["inertia"]),
-        notes=tuple(notes),
     )
 
 

@@ -1,4 +1,4 @@
-"""How an object stands on the table: the stable pose nearest to a stated direction."""
+"""Rest pose of an object on the table: the stable pose nearest to a given direction."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from numpy import ndarray
 
 from graspcast.errors import InputError
 from graspcast.pose.transforms import rotation_from_vector, transform, transform_points
-from graspcast.simulation.objects.types import ConvexPiece, Piece
+from graspcast.simulation.objects.types import ConvexPiece, Piece, box_corners
 
 __all__ = ["rest_pose", "stable_ups"]
 
 LARGEST_TILT_RAD = np.deg2rad(20.0)
-"""A stated direction may be off by so much from how the object really comes to rest."""
+"""Largest angle between the given direction and that in which the object rests."""
 
 
 def rest_pose(
@@ -22,21 +22,20 @@ def rest_pose(
     up: Float[ndarray, " 3"],
     what: str,
 ) -> Float[ndarray, "4 4"]:
-    """Stand an object on the table (z = 0), its direction ``up`` pointing up as nearly as it can.
+    """Return the pose in which an object rests on the table (z = 0) with ``up`` pointing up.
 
-    A body rests on a face of its convex hull if its centroid lies above that face. Of the faces
-    that tilt it by at most 20° from ``up``, the one on which the centroid is lowest is taken. The
-    turn is the smallest one that lays that face down, and the object's origin is above the
-    table's.
+    A body rests on a face of its convex hull if its centroid is above that face. Of the faces with
+    a tilt of at most 20° from ``up``, the one with the lowest centroid is chosen. The rotation is
+    the smallest that puts this face on the table; the object's origin is above the table's.
 
     Parameters
     ----------
     pieces
-        The collision shape: what physics lets the object stand on.
+        The collision shape.
     centroid
         Centre of mass, metres.
     up
-        A direction in the object's frame, of any length.
+        Direction in the object's frame, of any length.
     what
         The object's name in messages.
 
@@ -47,16 +46,16 @@ def rest_pose(
     Raises
     ------
     InputError
-        If it rests in no such pose; the message lists those in which it does.
+        If there is no such pose; the message lists those in which it rests.
     """
     length = float(np.linalg.norm(up))
     if not (np.isfinite(length) and length > 0):
-        raise InputError(f"{what}: its direction up = {list(up)} has no length")
+        raise InputError(f"{what}: its direction up = {list(up)} is zero or not finite")
     ups, heights = stable_ups(pieces, centroid)
     tilt = np.arccos(np.clip(ups @ (np.asarray(up) / length), -1, 1))
     near = tilt <= LARGEST_TILT_RAD
     if not near.any():
-        known = ", ".join(f"[{', '.join(f'{x:.2f}' for x in u)}]" for u in _apart(ups, heights))
+        known = ", ".join(f"[{', '.join(f'{x:.2f}' for x in u)}]" for u in _distinct(ups, heights))
         raise InputError(
             f"{what}: it does not stand with up = {[float(x) for x in up]}, it topples; it rests "
             f"with one of these up: {known}"
@@ -69,9 +68,9 @@ def rest_pose(
 def stable_ups(
     pieces: tuple[Piece, ...], centroid: Float[ndarray, " 3"]
 ) -> tuple[Float[ndarray, "n 3"], Float[ndarray, " n"]]:
-    """Every direction that points up in a stable rest, and the centroid's height there (metres).
+    """Return the direction that points up in each stable pose, and the centroid's height (metres).
 
-    The centroid must be above the face on which the object rests, seen along the face's normal.
+    A pose is stable if the centroid is above the face on which the object rests.
     """
     from scipy.spatial import ConvexHull
 
@@ -94,8 +93,8 @@ def stable_ups(
     return -normal[inside], height[inside]
 
 
-def _apart(ups: ndarray, heights: ndarray) -> list[ndarray]:
-    """The stable directions, lowest first, without near repeats."""
+def _distinct(ups: ndarray, heights: ndarray) -> list[ndarray]:
+    """Return the stable directions, lowest centroid first, without near duplicates."""
     kept: list[ndarray] = []
     for i in np.argsort(heights):
         if all(ups[i] @ other < np.cos(LARGEST_TILT_RAD) for other in kept):
@@ -104,7 +103,7 @@ def _apart(ups: ndarray, heights: ndarray) -> list[ndarray]:
 
 
 def _turn_up(direction: Float[ndarray, " 3"]) -> Float[ndarray, "3 3"]:
-    """The smallest rotation that turns a unit vector to +z."""
+    """Return the smallest rotation that maps a unit vector to +z."""
     axis = np.cross(direction, [0.0, 0.0, 1.0])
     sine, cosine = float(np.linalg.norm(axis)), float(direction[2])
     if sine < 1e-12:
@@ -114,7 +113,7 @@ def _turn_up(direction: Float[ndarray, " 3"]) -> Float[ndarray, "3 3"]:
 
 
 def _lowest(piece: Piece, z: Float[ndarray, " 3"]) -> float:
-    """The least ``z · p`` over the points of a piece, exactly (the support function)."""
+    """Return the exact minimum of ``z · p`` over the points of a piece (support function)."""
     if isinstance(piece, ConvexPiece):
         return float((piece.vertices @ z).min())
     along = z @ piece.obj_T_geom[:3, :3]
@@ -129,12 +128,12 @@ def _lowest(piece: Piece, z: Float[ndarray, " 3"]) -> float:
 
 
 def _points(piece: Piece) -> Float[ndarray, "n 3"]:
-    """Points whose convex hull is the piece, a round one as nearly as 64 points on a circle are."""
+    """Return points whose convex hull is the piece; circles are approximated by 64 points."""
     if isinstance(piece, ConvexPiece):
         return piece.vertices
     size = np.array(piece.size)
     if piece.kind == "box":
-        grid = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), axis=-1).reshape(-1, 3) * size
+        grid = box_corners(size)
     else:
         angle = np.arange(64) * (2 * np.pi / 64)
         ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(64)], axis=-1) * size[0]

@@ -1,4 +1,4 @@
-"""What a trial is about: an object with its collision shape, and a grasp of it."""
+"""Objects to be grasped, with their collision shape, and reference grasps of them."""
 
 from __future__ import annotations
 
@@ -8,17 +8,26 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
+from numpy.typing import ArrayLike
 
 from graspcast.errors import InputError
 
-__all__ = ["ConvexPiece", "Grasp", "GraspObject", "Piece", "Primitive", "check_rigid"]
+__all__ = [
+    "ConvexPiece",
+    "Grasp",
+    "GraspObject",
+    "Piece",
+    "Primitive",
+    "box_corners",
+    "check_rigid",
+]
 
 _RIGID_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
 class ConvexPiece:
-    """One convex piece of an object's collision shape, in metres, in the object's frame."""
+    """Convex mesh as a piece of an object's collision shape, metres, in the object's frame."""
 
     vertices: Float[ndarray, "v 3"]
     faces: Int[ndarray, "f 3"]
@@ -26,10 +35,17 @@ class ConvexPiece:
 
 @dataclass(frozen=True)
 class Primitive:
-    """A box, cylinder or sphere as a piece of an object's collision shape.
+    """Box, cylinder or sphere as a piece of an object's collision shape.
 
-    ``size`` is in metres, as MuJoCo has it: a box's three half sizes, a cylinder's (radius, half
-    height) along its z axis, a sphere's (radius,).
+    Attributes
+    ----------
+    kind
+        The shape.
+    size
+        Metres, as in MuJoCo: three half sizes of a box, (radius, half height) of a cylinder along
+        its z axis, (radius,) of a sphere.
+    obj_T_geom
+        Pose of the shape in the object's frame.
     """
 
     kind: Literal["box", "cylinder", "sphere"]
@@ -42,16 +58,16 @@ Piece = ConvexPiece | Primitive
 
 @dataclass(frozen=True, eq=False)
 class GraspObject:
-    """An object that can be grasped, in its own frame; metres, kilograms.
+    """Object that can be grasped, in its own frame; metres, kilograms.
 
     Attributes
     ----------
     name
-        For example ``"lmo-1"`` or ``"ycbv-4"``, or a user's own name.
+        For example ``"lmo-1"``, ``"ycbv-4"`` or ``"mug"``.
     vertices
         The mesh, in the object's frame.
     faces
-        Triangles of the mesh.
+        Triangles of the mesh, as vertex numbers.
     pieces
         The collision shape.
     mass_kg
@@ -61,15 +77,15 @@ class GraspObject:
     centroid
         Centre of mass at uniform density.
     inertia
-        Moments about the centroid along the object's axes, kg m^2.
+        Inertia tensor about the centroid, in the object's axes, kg m^2.
     sim_T_ref
         The reference pose: the object at rest on the table, which is the plane z = 0.
 
     Raises
     ------
     InputError
-        For a mass that is not positive, a negative friction, no collision piece, an inertia that no
-        body has, or a reference pose that is not a rigid transform.
+        If the mass is not positive, the friction negative, the inertia not positive definite, the
+        reference pose not a rigid transform, or there is no collision piece.
     """
 
     name: str
@@ -97,7 +113,7 @@ class GraspObject:
 
 @dataclass(frozen=True, eq=False)
 class Grasp:
-    """A reference grasp: where the gripper's tool centre point (TCP) goes, seen from the object.
+    """Reference grasp: pose of the gripper's tool centre point (TCP) in the object's frame.
 
     In the TCP's frame z is the direction of approach, from the palm out along the fingers, and x
     the direction in which the fingers close.
@@ -120,8 +136,23 @@ class Grasp:
         check_rigid(self.obj_T_grasp, f"the grasp of {self.object!r} by {self.gripper!r}")
 
 
+def box_corners(half: ArrayLike) -> Float[ndarray, "*batch 8 3"]:
+    """Return the corners of boxes about the origin, from their half sizes (..., 3)."""
+    signs = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), axis=-1).reshape(-1, 3)
+    corners: ndarray = signs * np.asarray(half)[..., None, :]
+    return corners
+
+
 def check_rigid(a_T_b: Float[ndarray, "4 4"], what: str) -> None:
-    """Raise InputError unless ``a_T_b`` is a finite rigid transform (to 1e-6)."""
+    """Raise InputError unless ``a_T_b`` is a finite rigid transform (to 1e-6).
+
+    Parameters
+    ----------
+    a_T_b
+        The transform.
+    what
+        Its name in the message.
+    """
     if np.shape(a_T_b) != (4, 4) or not np.all(np.isfinite(a_T_b)):
         raise InputError(f"{what} must be a finite 4x4 transform, got {a_T_b!r}")
     rotation = a_T_b[:3, :3]

@@ -1,1 +1,1 @@
-"""One grasp trial: settings, scene, course and outcome."""
+"""Grasp trials in simulation: settings, scene, phases, outcome, recording."""

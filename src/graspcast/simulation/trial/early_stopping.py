@@ -1,8 +1,8 @@
-"""When the outcome of a trial is certain before its lift is over.
+"""Early stopping of a trial: end the lift as soon as its outcome can no longer change.
 
-Two things end a trial early, and nothing else: the object stays behind where the rising hand
-cannot come to it any more, or it hangs in the hand so still that what is left of the lift cannot
-carry it across the tolerance.
+A trial is stopped early in three cases: the hand's path never comes near the object; the object
+stays behind where the rising hand cannot reach it; or the object hangs in the hand so still that
+the rest of the lift cannot carry it across the tolerance.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.simulation.trial.scene import Scene, Touch
+from graspcast.simulation.trial.scene import Contacts, Scene
 
-__all__ = ["Steadiness", "beyond_reach", "left_behind_m"]
+__all__ = ["HoldMonitor", "left_behind_offset_m", "out_of_reach"]
 
 _AT_REST = 2e-3
 _CLEARANCE_M = 0.01
@@ -24,11 +24,12 @@ _STEADY_AFTER_S, _STEADY_WINDOW_S = 0.6, 0.3
 _EXTRAPOLATE, _TURN_RAD, _POSTURE_M, _SHIFT_M = 2.0, 0.25, 5e-3, 2e-3
 
 
-def beyond_reach(scene: Scene, start: Float[ndarray, " 3"], end: Float[ndarray, " 3"]) -> bool:
-    """Whether a hand whose base goes from ``start`` to ``end`` and up can never touch the object.
+def out_of_reach(scene: Scene, start: Float[ndarray, " 3"], end: Float[ndarray, " 3"]) -> bool:
+    """Return whether the hand can never touch the object on its path.
 
-    True if seen from above the hand's path is farther from the object than both reach, or if the
-    whole path is above it by as much.
+    The hand's base moves from ``start`` to ``end`` (world frame, metres) and then up. The object is
+    out of reach if, seen from above, the path passes it at more than the hand's reach plus the
+    object's radius, or if the whole path is above it by as much.
     """
     reach = scene.hand_reach_m + scene.object_radius_m + _CLEARANCE_M
     centre = scene.data.xipos[scene.object_body]
@@ -39,15 +40,24 @@ def beyond_reach(scene: Scene, start: Float[ndarray, " 3"], end: Float[ndarray, 
     return bool(sideways > reach or min(start[2], end[2]) - centre[2] > reach)
 
 
-def left_behind_m(
+def left_behind_offset_m(
     scene: Scene, offset_at_grasp: Float[ndarray, " 3"], remaining_m: float
 ) -> float | None:
-    """How far from the hand the object will be, if it certainly stays behind; else None.
+    """Return the final offset of an object that stays behind, or None if it might be picked up.
 
-    To be asked of a closed hand that does not touch the object. As it only moves up, it cannot
-    come to an object that lies still on the table and has none of the hand's parts under any of its
-    own, nor to one that is wholly below the hand and has not the energy to rise to it. All this
-    with a margin, wider by as far as fingers still on their way could go in a second.
+    Call it for a closed hand that does not touch the object. The hand only moves up, so it cannot
+    reach an object that lies still on the table with no part of the hand under any part of it, nor
+    one that is wholly below the hand and has too little energy to rise to it. The margin grows with
+    the distance that fingers still in motion could travel in a second.
+
+    Parameters
+    ----------
+    scene
+        The current state.
+    offset_at_grasp
+        Object's centroid in the hand's base frame after closing, metres.
+    remaining_m
+        Height that is left of the lift, metres.
     """
     data = scene.data
     margin = _CLEARANCE_M + 2.0 * scene.hand_speed()
@@ -59,7 +69,7 @@ def left_behind_m(
     hand_low, hand_high = scene.hand_boxes()
     top = data.xipos[scene.object_body][2] + scene.object_radius_m + rise
     if top + margin > hand_low[:, 2].min():
-        if speed + spin > _AT_REST or not scene.touch().table_object:
+        if speed + spin > _AT_REST or not scene.contacts().table_object:
             return None
         low, high = scene.object_boxes()
         over = np.all(
@@ -76,50 +86,65 @@ def left_behind_m(
     return final if -moved[2] > scene.settings.tolerance_m + _CLEARANCE_M else None
 
 
-class Steadiness:
-    """Watches an object in the hand during the lift, and says when it will stay as it is."""
+class HoldMonitor:
+    """Decides during the lift whether an object in the hand will stay as it is.
+
+    Parameters
+    ----------
+    scene
+        The scene of the trial.
+    offset_at_grasp
+        Object's centroid in the hand's base frame after closing, metres.
+    """
 
     def __init__(self, scene: Scene, offset_at_grasp: Float[ndarray, " 3"]):
         self._scene = scene
         self._reference = offset_at_grasp
-        self._seen: deque[_Seen] = deque()
+        self._window: deque[_Sample] = deque()
 
-    def certain(self, lifted_s: float, touch: Touch) -> bool:
-        """Whether the offset will certainly be on the same side of the tolerance at the end.
+    def should_stop(self, lifted_s: float, contacts: Contacts) -> bool:
+        """Record the current state and return whether the trial can be stopped.
 
-        To be asked at regular times. The object must be held clear of the table, and the motion
-        over the last 0.3 s, at twice its rate until the end of the lift, must keep the offset on
-        the same side of the tolerance, the object within 2 mm and 15 degrees of where it is, and
-        the fingers within 5 mm: a grip that gives way slowly lets go at once, wherever it comes to
+        Call it at regular times. The object must be held clear of the table. The motion over the
+        last 0.3 s, extrapolated at twice its rate to the end of the lift, must keep the offset on
+        the same side of the tolerance, the object within 2 mm and 15 degrees of its current pose,
+        and the fingers within 5 mm: a grip that gives way slowly lets go at once where it reaches
         an edge.
+
+        Parameters
+        ----------
+        lifted_s
+            Time since the start of the lift, seconds.
+        contacts
+            Contacts of the current state.
         """
         scene = self._scene
-        if not touch.hand_object or touch.table_object:
-            self._seen.clear()
+        if not contacts.hand_object or contacts.table_object:
+            self._window.clear()
             return False
-        now = self._look(lifted_s)
-        self._seen.append(now)
-        while lifted_s - self._seen[0].time > _STEADY_WINDOW_S + 1e-9:
-            self._seen.popleft()
-        window = lifted_s - self._seen[0].time
-        if lifted_s < _STEADY_AFTER_S or window < _STEADY_WINDOW_S - 1e-9:
+        now = self._sample(lifted_s)
+        self._window.append(now)
+        while lifted_s - self._window[0].time > _STEADY_WINDOW_S + 1e-9:
+            self._window.popleft()
+        duration = lifted_s - self._window[0].time
+        if lifted_s < _STEADY_AFTER_S or duration < _STEADY_WINDOW_S - 1e-9:
             return False
         if scene.object_boxes()[0][:, 2].min() < _CLEARANCE_M:
             return False
-        ahead = _EXTRAPOLATE * (scene.settings.lift_s - lifted_s) / window
-        before = list(self._seen)
+        ahead = _EXTRAPOLATE * (scene.settings.lift_s - lifted_s) / duration
+        before = list(self._window)
         shift = ahead * np.linalg.norm(now.offset - [s.offset for s in before], axis=1).max()
         # The chord of a small rotation: |R - R'| = sqrt(8) sin(angle / 2).
-        chords = np.linalg.norm(now.turn - [s.turn for s in before], axis=(1, 2))
+        chords = np.linalg.norm(now.rotation - [s.rotation for s in before], axis=(1, 2))
         angle = ahead * chords.max() / np.sqrt(2.0)
         joint = ahead * np.abs(now.joints - [s.joints for s in before]).max()
         margin = abs(float(np.linalg.norm(now.offset)) - scene.settings.tolerance_m)
         return bool(shift < min(_SHIFT_M, margin) and joint < _POSTURE_M and angle < _TURN_RAD)
 
-    def _look(self, lifted_s: float) -> _Seen:
+    def _sample(self, lifted_s: float) -> _Sample:
         scene = self._scene
         base = scene.data.xmat[scene.base_body].reshape(3, 3)
-        return _Seen(
+        return _Sample(
             lifted_s,
             scene.centroid_in_base() - self._reference,
             base.T @ scene.data.xmat[scene.object_body].reshape(3, 3),
@@ -127,8 +152,10 @@ class Steadiness:
         )
 
 
-class _Seen(NamedTuple):
+class _Sample(NamedTuple):
+    """State of the object in the hand at one time."""
+
     time: float
     offset: Float[ndarray, " 3"]
-    turn: Float[ndarray, "3 3"]
+    rotation: Float[ndarray, "3 3"]
     joints: Float[ndarray, " j"]

@@ -1,4 +1,4 @@
-"""Whether a gripper is one: the checks that any gripper, built in or a user's own, must pass."""
+"""Conformance suite for grippers, built-in or custom."""
 
 from __future__ import annotations
 
@@ -12,15 +12,21 @@ import numpy as np
 from graspcast.errors import GraspcastError
 from graspcast.io.conformance import Check, Report, UnmetError
 from graspcast.simulation.grippers.protocol import Gripper
-from graspcast.simulation.objects.types import Grasp, GraspObject, Primitive, check_rigid
+from graspcast.simulation.objects.types import (
+    Grasp,
+    GraspObject,
+    Primitive,
+    box_corners,
+    check_rigid,
+)
 from graspcast.simulation.trial.scene import Scene
 from graspcast.simulation.trial.trial import Outcome, TrialRunner
 
-__all__ = ["GripperReport", "check_gripper", "test_column"]
+__all__ = ["GripperReport", "check_gripper", "standing_column"]
 
 
 class GripperReport(Report):
-    """What :func:`check_gripper` found."""
+    """Result of :func:`check_gripper`."""
 
     kind = "gripper"
 
@@ -29,15 +35,24 @@ _DEEPEST_M = 0.003
 
 
 def check_gripper(gripper: Gripper) -> GripperReport:
-    """Run every check on a gripper, up to the first that leaves nothing to run the next on.
+    """Run the conformance checks on a gripper; stop at a failure that later checks depend on.
 
-    The checks: it has all that the protocol asks for (``describes``), its model compiles
-    (``compiles``) and has the actuators that its commands name (``actuators``), something of it
-    can touch (``touches``); it opens and stays still (``opens``), closes and comes to rest
-    (``closes``), reopens (``reopens``); it holds a column half as wide as its opening through the
-    whole lift (``holds``) without sinking into it (``solid``), misses what is not there
-    (``misses``), drops what is too heavy (``drops``), and does the same again, bit by bit
-    (``repeats``).
+    ========== ===============================================================
+    check      requirement
+    ========== ===============================================================
+    describes  it has every member of the protocol
+    compiles   its model compiles
+    actuators  its commands name the actuators of its model
+    touches    at least one of its geoms collides
+    opens      it opens and comes to rest
+    closes     it closes and comes to rest
+    reopens    it opens again
+    holds      it holds a column half as wide as its opening through the lift
+    solid      it does not penetrate the column
+    misses     it misses an object that is not there
+    drops      it drops an object that is too heavy
+    repeats    the same trial gives bitwise the same outcome
+    ========== ===============================================================
 
     Parameters
     ----------
@@ -56,25 +71,26 @@ def check_gripper(gripper: Gripper) -> GripperReport:
     return GripperReport(str(getattr(gripper, "name", gripper)), tuple(checks))
 
 
-def test_column(width_m: float, *, mass_kg: float = 0.3, friction: float = 0.8) -> GraspObject:
-    """A square column standing on the table, three times as high as wide; its origin is its middle.
+def standing_column(width_m: float, *, mass_kg: float = 0.3, friction: float = 0.8) -> GraspObject:
+    """Return a square column that stands on the table, three times as high as wide.
+
+    Its origin is its centre.
 
     Parameters
     ----------
     width_m
-        Side of the square.
+        Side of the square, metres.
     mass_kg
-        Its mass.
+        Mass.
     friction
-        Its coefficient of friction.
+        Coefficient of friction.
     """
     size = np.array([width_m, width_m, 3 * width_m])
-    corners = np.array(np.meshgrid(*[(-s / 2, s / 2) for s in size])).reshape(3, -1).T
     standing = np.eye(4)
     standing[2, 3] = size[2] / 2
     return GraspObject(
         name="test column",
-        vertices=corners,
+        vertices=box_corners(size / 2),
         faces=np.zeros((0, 3), dtype=np.int64),
         pieces=(Primitive("box", (size[0] / 2, size[1] / 2, size[2] / 2), np.eye(4)),),
         mass_kg=mass_kg,
@@ -98,7 +114,7 @@ def _describes(gripper: Gripper, bench: dict[str, Any]) -> str:
 def _compiles(gripper: Gripper, bench: dict[str, Any]) -> str:
     spec, other = gripper.spec(), gripper.spec()
     if spec is other:
-        raise UnmetError("spec() gave the same object twice; it must make a fresh one")
+        raise UnmetError("spec() returned the same object twice; it must return a new one")
     roots = list(spec.worldbody.bodies)
     if len(roots) != 1 or roots[0].joints:
         raise UnmetError(
@@ -131,15 +147,15 @@ def _touches(gripper: Gripper, bench: dict[str, Any]) -> str:
 
 def _opens(gripper: Gripper, bench: dict[str, Any]) -> str:
     bench["width"] = 0.5 * gripper.max_opening_m
-    bench["runner"] = TrialRunner(test_column(bench["width"]), gripper)
+    bench["runner"] = TrialRunner(standing_column(bench["width"]), gripper)
     bench["hand"] = hand = _ParkedHand(bench["runner"].scene)
     hand.command(gripper.closing.open, 0.5)
     bench["open"] = hand.scene.posture()
     speed = hand.scene.hand_speed()
     if speed > 1e-3:
         raise UnmetError(
-            f"still moves at {1e3 * speed:.1f} mm/s, 1.5 s after it was told to open: "
-            "more damping, or a weaker servo"
+            f"still moves at {1e3 * speed:.1f} mm/s, 1.5 s after the command to open: "
+            "use more damping, or a weaker servo"
         )
     return "still when open"
 
@@ -156,8 +172,8 @@ def _closes(gripper: Gripper, bench: dict[str, Any]) -> str:
         )
     if hand.scene.hand_speed() > 1e-3:
         raise UnmetError(
-            f"closed on nothing, it still moves at {1e3 * hand.scene.hand_speed():.1f} mm/s after "
-            f"{gripper.equilibrium.limit_s:g} s"
+            f"closed without an object, it still moves at {1e3 * hand.scene.hand_speed():.1f} mm/s "
+            f"after {gripper.equilibrium.limit_s:g} s"
         )
     return f"moves a joint by {1e3 * moved:.0f} mm and comes to rest"
 
@@ -166,10 +182,10 @@ def _reopens(gripper: Gripper, bench: dict[str, Any]) -> str:
     hand, closing = bench["hand"], gripper.closing
     hand.ramp(closing.close, closing.open, closing.seconds)
     hand.command(closing.open, 1.0)
-    apart = float(np.abs(hand.scene.posture() - bench["open"]).max())
-    if apart > 1e-3:
-        raise UnmetError(f"a joint is {1e3 * apart:.1f} mm from where it was when open")
-    return f"back to open within {1e3 * apart:.2f} mm"
+    difference = float(np.abs(hand.scene.posture() - bench["open"]).max())
+    if difference > 1e-3:
+        raise UnmetError(f"a joint is {1e3 * difference:.1f} mm from its open position")
+    return f"back to open within {1e3 * difference:.2f} mm"
 
 
 def _grasp(gripper: Gripper, width: float, raised_m: float = 0.0) -> Grasp:
@@ -201,7 +217,7 @@ def _solid(gripper: Gripper, bench: dict[str, Any]) -> str:
     depth = bench["depth"]
     if depth > _DEEPEST_M:
         raise UnmetError(
-            f"it sank {1e3 * depth:.1f} mm into the column that it grasped, so it could press "
+            f"it penetrated the grasped column by {1e3 * depth:.1f} mm, so it could pass "
             "through a thin wall: limit its actuators' force, or give its joints more armature"
         )
     return f"at most {1e3 * depth:.2f} mm deep in the column"
@@ -211,7 +227,6 @@ def _misses(gripper: Gripper, bench: dict[str, Any]) -> str:
     runner: TrialRunner = bench["runner"]
     raised = 0.5 * bench["width"] + gripper.max_opening_m
     outcome = runner.run(np.eye(4), _grasp(gripper, bench["width"], raised), early_stop=False)
-    bench["missed"] = outcome
     if outcome.reason != "missed":
         raise UnmetError(f"grasping {1e3 * raised:.0f} mm too high was {outcome.reason}")
     return f"grasping {1e3 * raised:.0f} mm too high leaves the column standing"
@@ -219,7 +234,7 @@ def _misses(gripper: Gripper, bench: dict[str, Any]) -> str:
 
 def _drops(gripper: Gripper, bench: dict[str, Any]) -> str:
     width = bench["width"]
-    heavy = TrialRunner(test_column(width, mass_kg=100.0), gripper)
+    heavy = TrialRunner(standing_column(width, mass_kg=100.0), gripper)
     outcome = heavy.run(np.eye(4), _grasp(gripper, width))
     if outcome.reason not in ("dropped", "slipped", "missed"):
         raise UnmetError(
@@ -231,14 +246,14 @@ def _drops(gripper: Gripper, bench: dict[str, Any]) -> str:
 def _repeats(gripper: Gripper, bench: dict[str, Any]) -> str:
     runner: TrialRunner = bench["runner"]
     again = runner.run(np.eye(4), _grasp(gripper, bench["width"]), early_stop=False)
-    fresh = TrialRunner(test_column(bench["width"]), gripper)
+    fresh = TrialRunner(standing_column(bench["width"]), gripper)
     anew = fresh.run(np.eye(4), _grasp(gripper, bench["width"]), early_stop=False)
     if not _same(again, bench["held"]) or not _same(anew, bench["held"]):
         raise UnmetError(
             f"the same trial gave offsets of {bench['held'].offset_m!r}, {again.offset_m!r} and "
             f"{anew.offset_m!r} m; does spec() depend on anything that changes?"
         )
-    return "the same trial gives the same outcome, bit by bit"
+    return "the same trial gives bitwise the same outcome"
 
 
 def _same(one: Outcome, other: Outcome) -> bool:
@@ -263,7 +278,7 @@ _NEEDED = ("describes", "compiles", "actuators", "touches", "opens")
 
 
 class _ParkedHand:
-    """The hand of a scene, high above everything."""
+    """Hand of a scene, high above object and table."""
 
     def __init__(self, scene: Scene):
         self.scene = scene

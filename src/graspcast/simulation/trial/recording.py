@@ -1,4 +1,4 @@
-"""What a trial looked like: its states in order of time, to be drawn afterwards."""
+"""Recording of a trial: its states over time, for pictures and films."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _SAME_M, _SAME_RAD = 5e-4, 5e-3
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Where everything is at one time of a trial.
+    """Poses and joint positions at one time of a trial.
 
     Attributes
     ----------
     phase
         ``"approach"``, ``"close"`` or ``"lift"``.
     time_s
-        Since the hand left the pre-grasp.
+        Time since the hand left the pre-grasp, seconds.
     sim_T_obj, sim_T_base
         Poses of the object and of the hand's base.
     hand_joints
@@ -45,16 +45,16 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A trial's states, at least one, and what came of it.
+    """States of a trial, at least one, and its outcome.
 
     Attributes
     ----------
     outcome
         The outcome.
     states
-        In order of time.
+        The states, in order of time.
     sim_T_est
-        Where the estimate says that the object is.
+        Estimated pose of the object in the scene.
     """
 
     outcome: Outcome
@@ -62,21 +62,21 @@ class Recording:
     sim_T_est: Float[ndarray, "4 4"]
 
     def of(self, phase: str) -> tuple[State, ...]:
-        """The states of a phase; none if the trial ended before it."""
+        """Return the states of a phase; none if the trial ended before it."""
         return tuple(state for state in self.states if state.phase == phase)
 
     def overlay(self, state: State) -> Float[ndarray, "4 4"] | None:
-        """Where the estimate is to be drawn over a state, if it is.
+        """Return the pose at which to draw the estimate over a state, or None.
 
-        Not in the lift, which it has nothing to say about, and not where it is as good as perfect:
-        two surfaces in one place flicker.
+        The estimate is not drawn during the lift, nor where it is nearly perfect, because two
+        surfaces in one place flicker.
         """
         off = invert(self.states[0].sim_T_obj) @ self.sim_T_est
         apart = np.linalg.norm(off[:3, 3]) > _SAME_M or rotation_angle(off[:3, :3]) > _SAME_RAD
         return self.sim_T_est if apart and state.phase != "lift" else None
 
     def every(self, seconds: float) -> list[State]:
-        """The last state before each of equally spaced times, and the last of all."""
+        """Return the last state before each of equally spaced times, and the final state."""
         times = np.array([state.time_s for state in self.states])
         asked = np.arange(times[0], times[-1], seconds)
         rows = np.searchsorted(times, asked + 1e-9, side="right") - 1
@@ -90,7 +90,7 @@ def record_trial(
     *,
     early_stop: bool = True,
 ) -> Recording:
-    """Run a trial as :meth:`TrialRunner.run` does, and keep what is to be seen of it.
+    """Run a trial as :meth:`TrialRunner.run` does, and record its states.
 
     Raises
     ------
@@ -106,14 +106,16 @@ def record_trial(
             transform(data.xmat[body].reshape(3, 3), data.xpos[body])
             for body in (scene.object_body, scene.base_body)
         ]
-        # A simulation that blew up has no picture.
+        # States of an unstable simulation cannot be drawn.
         if all(np.abs(pose).max() < _FARTHEST_M for pose in poses):
             seen.append((phase, float(data.time), *poses, data.qpos[joints]))
 
     outcome = runner.run(obj_T_est, grasp, early_stop=early_stop, record=record)
     if not seen:
         away = float(np.linalg.norm(obj_T_est[:3, 3]))
-        raise InputError(f"the estimate is {away:.3g} m off: there is nothing to be seen of this")
+        raise InputError(
+            f"the estimate is {away:.3g} m off, too far to draw the trial", parameters=("offset",)
+        )
     states = _timed(seen, runner.settings.approach_speed)
     return Recording(outcome, states, runner.grasp_object.sim_T_ref @ obj_T_est)
 
@@ -121,10 +123,10 @@ def record_trial(
 def _timed(
     seen: list[tuple[str, float, ndarray, ndarray, ndarray]], speed: float
 ) -> tuple[State, ...]:
-    """Put the way to the first contact, which takes no simulated time, before the rest.
+    """Assign times to states; the free part of the approach takes no simulated time.
 
-    The search for that contact looks a little beyond the place where physics begins; those states
-    are dropped.
+    The search for the first contact looks a little beyond the place where simulation starts; those
+    states are dropped.
     """
     start = seen[0][3][:3, 3]
 
@@ -139,7 +141,7 @@ def _timed(
     kept: list[int] = []
     for k, state in enumerate(seen):
         reached = state[1] > 0 or times[k] <= begin + 1e-9
-        # The pre-grasp is looked at twice.
+        # The pre-grasp is recorded twice.
         if reached and (not kept or times[k] > times[kept[-1]]):
             kept.append(k)
     return tuple(State(seen[k][0], times[k], *seen[k][2:]) for k in kept)

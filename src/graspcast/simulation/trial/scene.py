@@ -1,7 +1,7 @@
-"""One MuJoCo model for all trials of an object and a gripper, compiled once, and its state.
+"""Scene of the trials of an object by a gripper: the compiled MuJoCo model and its state.
 
-Where the hand goes is the pose of one body between the arm's two slides, written anew for each
-trial, so that one model serves every estimate.
+The pose of the grasp is that of one body between the arm's two slides. It is set for each trial, so
+the model is compiled once for all estimates.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from numpy import ndarray
 from graspcast.errors import MismatchError
 from graspcast.pose.transforms import invert, quaternion, rotation_from_quaternion
 from graspcast.simulation.grippers.protocol import Gripper
-from graspcast.simulation.objects.types import ConvexPiece, GraspObject
+from graspcast.simulation.objects.types import ConvexPiece, GraspObject, box_corners
 from graspcast.simulation.trial.scene_spec import ARM_STIFFNESS, scene_spec
 from graspcast.simulation.trial.settings import TrialSettings
 
-__all__ = ["HAND", "OBJECT", "TABLE", "Scene", "Touch", "build_scene"]
+__all__ = ["HAND", "OBJECT", "TABLE", "Contacts", "Scene", "build_scene"]
 
 TABLE, OBJECT, HAND = 0, 1, 2
 _REST_S = 1.0
 _REST_SHIFT_M, _REST_TURN_RAD = 0.01, 0.1
 _PARKED_M = 10.0
-_TOO_FAST, _ABSURD = 20.0, 1e4
+_MAX_OBJECT_SPEED, _MAX_SPEED = 20.0, 1e4
 
 
-class Touch(NamedTuple):
-    """Who touches whom in the current state."""
+class Contacts(NamedTuple):
+    """Which kinds of geoms are in contact with the object in the current state."""
 
     hand_object: bool
     table_object: bool
@@ -39,17 +39,46 @@ class Touch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The compiled model, one state of it, and where things are in both.
+    """Compiled model of a scene, one state of it, and the indices of its parts in both.
 
-    ``model`` is changed by :meth:`place` and :meth:`lock_approach` alone, in the pose of the arm's
-    mount and the force of its approach; ``place`` sets both anew.
+    Only :meth:`place` and :meth:`lock_approach` change ``model``: the pose of the arm's mount and
+    the force limit of its approach. ``place`` sets both.
+
+    Attributes
+    ----------
+    model, data
+        MuJoCo's model and state.
+    settings
+        How the trials are run.
+    kind
+        For each geom: table 0, object 1, hand 2; -9 for geoms that do not collide.
+    object_body, base_body, mount_body
+        Body numbers of the object, the hand's base and the arm's mount.
+    object_qpos, approach_qpos, lift_qpos
+        Positions of the object's pose and of the arm's slides in ``data.qpos``.
+    hand_joints
+        Joint numbers of the hand.
+    joint_levers
+        Factor that turns a motion of each joint of the hand into metres.
+    hand_ctrl
+        Actuator's name to its number.
+    still_qpos
+        Factor that turns a change of each coordinate into a multiple of the largest change at
+        equilibrium; zero for the arm and for the object's position, which counts by its centroid.
+    still_force
+        The same for the force of each actuator.
+    rest_qpos, rest_act
+        State at rest, in which every trial starts.
+    object_radius_m
+        Radius of a sphere about the centroid that contains the object.
+    hand_reach_m
+        Radius of a sphere about the base that contains the hand in any posture.
     """
 
     model: Any
     data: Any
     settings: TrialSettings
     kind: ndarray
-    """For every geom: table 0, object 1, hand 2."""
     object_body: int
     base_body: int
     mount_body: int
@@ -58,22 +87,16 @@ class Scene:
     lift_qpos: int
     hand_joints: ndarray
     joint_levers: ndarray
-    """For each joint of the hand, what turns its motion into metres."""
     hand_ctrl: dict[str, int]
     still_qpos: ndarray
-    """What turns a change of each coordinate into a multiple of what equilibrium allows; zero for
-    the arm, and for the object's position, which counts by its centroid."""
     still_force: ndarray
-    """The same for each actuator's force."""
     rest_qpos: ndarray
     rest_act: ndarray
     object_radius_m: float
-    """Of the sphere about the centroid that holds the object."""
     hand_reach_m: float
-    """Of the sphere about the base that holds the hand in any posture."""
 
     def place(self, sim_T_base: Float[ndarray, "4 4"], approach_m: float) -> None:
-        """Reset to rest with the hand ``approach_m`` along the approach from ``sim_T_base``."""
+        """Reset to rest, the hand's base ``approach_m`` along the approach from ``sim_T_base``."""
         mujoco.mj_resetData(self.model, self.data)
         self.model.body_pos[self.mount_body] = sim_T_base[:3, 3]
         mujoco.mju_mat2Quat(self.model.body_quat[self.mount_body], sim_T_base[:3, :3].ravel())
@@ -85,13 +108,13 @@ class Scene:
         self.move_hand(approach_m)
 
     def park(self) -> None:
-        """Reset to rest with the hand high above the object."""
+        """Reset to rest, with the hand high above the object."""
         parked = np.eye(4)
         parked[2, 3] = _PARKED_M
         self.place(parked, 0.0)
 
     def lock_approach(self) -> None:
-        """Hold the hand where it is along its approach, with the force that it has now."""
+        """Hold the hand at its current place on the approach, with its current force."""
         servo = self.model.actuator("approach").id
         lead = self.data.actuator_force[servo] / ARM_STIFFNESS
         self.data.act[self.model.actuator_actadr[servo]] = self.data.qpos[self.approach_qpos] + lead
@@ -99,32 +122,32 @@ class Scene:
         self.model.actuator_forcerange[servo] = -np.inf, np.inf
 
     def move_hand(self, approach_m: float) -> None:
-        """Put the resting hand elsewhere on its approach, without time passing."""
+        """Set the hand's place on the approach, metres, without a time step."""
         self.data.qpos[self.approach_qpos] = approach_m
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_collision(self.model, self.data)
 
-    def hand_touches(self) -> bool:
-        """Whether the hand touches anything."""
+    def hand_in_contact(self) -> bool:
+        """Return whether the hand touches anything."""
         return HAND in self.kind[self.data.contact.geom]
 
     def hand_overlap_m(self) -> float:
-        """How deep the hand is in the object or the table; negative infinity if it is clear."""
+        """Return the penetration of the hand into object or table, metres; -inf without contact."""
         contact = self.data.contact
         if not self.data.ncon:
             return -np.inf
         depths: ndarray = -contact.dist[(self.kind[contact.geom] == HAND).any(axis=1)]
         return float(depths.max()) if len(depths) else -np.inf
 
-    def touch(self) -> Touch:
-        """Who touches whom."""
+    def contacts(self) -> Contacts:
+        """Return what is in contact with the object."""
         if not self.data.ncon:
-            return Touch(hand_object=False, table_object=False)
+            return Contacts(hand_object=False, table_object=False)
         pairs = self.kind[self.data.contact.geom].sum(axis=1).tolist()
-        return Touch(hand_object=HAND + OBJECT in pairs, table_object=TABLE + OBJECT in pairs)
+        return Contacts(hand_object=HAND + OBJECT in pairs, table_object=TABLE + OBJECT in pairs)
 
     def parts_on_object(self) -> int:
-        """How many parts of the hand touch the object."""
+        """Return the number of bodies of the hand that touch the object."""
         geoms = self.data.contact.geom
         kinds = self.kind[geoms]
         on_object = kinds.sum(axis=1) == HAND + OBJECT
@@ -132,61 +155,63 @@ class Scene:
         return len(set(parts.tolist()))
 
     def centroid_in_base(self) -> Float[ndarray, " 3"]:
-        """The object's centroid in the hand's base frame, metres."""
+        """Return the object's centroid in the hand's base frame, metres."""
         base = self.data.xmat[self.base_body].reshape(3, 3)
         world = self.data.xipos[self.object_body] - self.data.xpos[self.base_body]
         offset: ndarray = base.T @ world
         return offset
 
     def posture(self) -> Float[ndarray, " j"]:
-        """Positions of the hand's joints in metres; a hinge counts by its arc at its lever."""
+        """Return the joint positions of the hand, metres; of a hinge, the arc at its lever."""
         joints = self.data.qpos[self.model.jnt_qposadr[self.hand_joints]]
         posture: ndarray = joints * self.joint_levers
         return posture
 
     def hand_speed(self) -> float:
-        """Of the fastest joint of the hand, m/s; a hinge counts by its arc at its lever."""
+        """Return the speed of the fastest joint of the hand, m/s; of a hinge, at its lever."""
         speeds = self.data.qvel[self.model.jnt_dofadr[self.hand_joints]] * self.joint_levers
         return float(np.abs(speeds).max())
 
-    def boxes(self, of: int) -> tuple[ndarray, ndarray]:
-        """Lower and upper corners of world-aligned boxes about the geoms of a kind."""
-        chosen = np.flatnonzero(self.kind == of)
+    def hand_boxes(self) -> tuple[ndarray, ndarray]:
+        """Return the bounding boxes of the hand's geoms: lower and upper corners, (g, 3)."""
+        return self._boxes(HAND)
+
+    def object_boxes(self) -> tuple[ndarray, ndarray]:
+        """Return the bounding boxes of the object's pieces: lower and upper corners, (g, 3)."""
+        return self._boxes(OBJECT)
+
+    def _boxes(self, kind: int) -> tuple[ndarray, ndarray]:
+        """Return the world-aligned bounding boxes of the geoms of a kind."""
+        chosen = np.flatnonzero(self.kind == kind)
         rotation = self.data.geom_xmat[chosen].reshape(-1, 3, 3)
         local = self.model.geom_aabb[chosen]
         middle = self.data.geom_xpos[chosen] + np.einsum("gij,gj->gi", rotation, local[:, :3])
         half = np.einsum("gij,gj->gi", np.abs(rotation), local[:, 3:])
         return middle - half, middle + half
 
-    def hand_boxes(self) -> tuple[ndarray, ndarray]:
-        """Boxes about the colliding geoms of the hand."""
-        return self.boxes(HAND)
-
-    def object_boxes(self) -> tuple[ndarray, ndarray]:
-        """Boxes about the pieces of the object."""
-        return self.boxes(OBJECT)
-
-    def clear_m(self) -> float:
-        """How far the hand can certainly move, in any direction, before it touches anything."""
+    def clearance_m(self) -> float:
+        """Return a distance that the hand can move in any direction without touching anything."""
         hand_low, hand_high = self.hand_boxes()
         low, high = self.object_boxes()
         gaps = np.maximum(low[:, None] - hand_high[None], hand_low[None] - high[:, None])
         above_table = hand_low[:, 2].min() if self.settings.hand_touches_table else np.inf
         return max(0.0, min(float(gaps.max(axis=2).min()), float(above_table)))
 
-    def exploded(self) -> bool:
-        """Whether anything is not finite, or faster than what here falls or is thrown can be."""
+    def diverged(self) -> bool:
+        """Return whether the simulation is unstable: a speed is not finite, or far too large."""
         speeds = self.data.qvel
         # A comparison with NaN is false. The object's free joint is the first.
-        return not (speeds @ speeds < _ABSURD**2 and speeds[:3] @ speeds[:3] < _TOO_FAST**2)
+        return not (
+            speeds @ speeds < _MAX_SPEED**2 and speeds[:3] @ speeds[:3] < _MAX_OBJECT_SPEED**2
+        )
 
 
 def _ignore(message: str) -> None:
-    """In place of MuJoCo's warnings of instability, which a trial counts as an outcome."""
+    """Ignore MuJoCo's warnings of instability, which is an outcome of a trial."""
 
 
 def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSettings) -> Scene:
-    """Compile the scene and let object and open hand come to rest, far from each other.
+    """Compile the scene, and let the object and the open hand come to rest far from each other.
 
     Raises
     ------
@@ -194,12 +219,12 @@ def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSett
         If the object does not stay in its reference pose.
     """
     if mujoco.get_mju_user_warning() is None:
-        # By default MuJoCo writes a log file into the working directory.
+        # By default MuJoCo writes warnings to a log file in the working directory.
         mujoco.set_mju_user_warning(_ignore)
     model = scene_spec(grasp_object, gripper, settings).compile()
     data = mujoco.MjData(model)
     base = int(np.flatnonzero(model.body_parentid == model.body("mount").id)[0])
-    # The mount says where the base is, wherever the hand's own model has put it.
+    # The base is at the mount, whatever its pose in the hand's own model.
     model.body_pos[base], model.body_quat[base] = 0.0, (1.0, 0.0, 0.0, 0.0)
     mujoco.mj_setConst(model, data)
     kind = np.full(model.ngeom, -9)
@@ -248,7 +273,7 @@ def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSett
 
 
 def _radius(grasp_object: GraspObject) -> float:
-    """Of the collision pieces about the centroid, in any rotation."""
+    """Return the radius of a sphere about the centroid that contains every collision piece."""
     radii = []
     for piece in grasp_object.pieces:
         if isinstance(piece, ConvexPiece):
@@ -256,14 +281,14 @@ def _radius(grasp_object: GraspObject) -> float:
         else:
             size = piece.size
             half = {"box": size, "cylinder": (size[0], size[0], size[-1]), "sphere": 3 * size[:1]}
-            corners = np.array(np.meshgrid(*[(-h, h) for h in half[piece.kind]])).reshape(3, -1).T
+            corners = box_corners(half[piece.kind])
             points = corners @ piece.obj_T_geom[:3, :3].T + piece.obj_T_geom[:3, 3]
         radii.append(np.linalg.norm(points - grasp_object.centroid, axis=1).max())
     return float(max(radii))
 
 
 def _reach(model: Any, base: int, of_hand: ndarray) -> float:
-    """A bound on how far any part of the hand can be from its base, whatever its joints do."""
+    """Return a bound on the distance of any part of the hand from its base, in any posture."""
     body_reach = {base: 0.0}
     for body in range(base + 1, model.nbody):
         parent = int(model.body_parentid[body])
@@ -286,7 +311,7 @@ def _reach(model: Any, base: int, of_hand: ndarray) -> float:
 
 
 def _rest(scene: Scene, grasp_object: GraspObject, gripper: Gripper) -> None:
-    """Fill in the state in which every trial starts: open hand and object, both at rest."""
+    """Compute the state in which every trial starts: open hand and object, both at rest."""
     model, data = scene.model, scene.data
     scene.rest_qpos[:] = model.qpos0
     reference = grasp_object.sim_T_ref
@@ -295,11 +320,11 @@ def _rest(scene: Scene, grasp_object: GraspObject, gripper: Gripper) -> None:
     for name, value in gripper.closing.open.items():
         data.ctrl[scene.hand_ctrl[name]] = value
     mujoco.mj_step(model, data, nstep=round(_REST_S / model.opt.timestep))
-    if scene.exploded():
+    if scene.diverged():
         raise MismatchError(
-            f"{grasp_object.name!r} at rest and the open gripper {gripper.name!r}, far from each "
-            f"other, blow up within {_REST_S:g} s: look at the gripper's servos (more damping "
-            "and armature, less stiffness) and at the object's inertia"
+            f"the simulation of {grasp_object.name!r} at rest and the open gripper "
+            f"{gripper.name!r}, far from each other, is unstable within {_REST_S:g} s; check the "
+            "gripper's servos (more damping and armature, less stiffness) and the object's inertia"
         )
     placed = np.eye(4)
     placed[:3, 3] = data.qpos[scene.object_qpos][:3]
@@ -309,7 +334,7 @@ def _rest(scene: Scene, grasp_object: GraspObject, gripper: Gripper) -> None:
     turn = float(np.arccos(np.clip(0.5 * (np.trace(ref_T_placed[:3, :3]) - 1.0), -1.0, 1.0)))
     if not (shift <= _REST_SHIFT_M and turn <= _REST_TURN_RAD):
         raise MismatchError(
-            f"object {grasp_object.name!r} does not rest in its reference pose: left alone, it "
+            f"object {grasp_object.name!r} does not rest in its reference pose: it "
             f"moves by {1e3 * shift:.1f} mm and {np.degrees(turn):.1f} degrees in {_REST_S:g} s; "
             "give a pose in which it stands on the plane z = 0"
         )

@@ -1,9 +1,9 @@
-"""What a trial's scene is made of: table, object, arm and hand.
+"""MuJoCo specification of a trial's scene: table, object, arm and hand.
 
-The arm is two stiff slides: ``lift`` moves up along the world's z, and on it ``approach``, limited
-in force, moves along the approach direction of the hand. Between the two is the body ``mount``,
-whose pose says where the hand goes. The hand keeps its orientation and, sideways, its place: the
-rigid, open-loop control of the paper's Section III-B.
+The arm has two stiff slides: ``lift`` moves along the world's z; on it ``approach``, limited in
+force, moves along the hand's approach direction. The body ``mount`` between the two has the pose of
+the grasp. The hand keeps its orientation and does not move sideways: this is the rigid, open-loop
+control of the paper's Section III-B.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from graspcast.simulation.trial.settings import TrialSettings
 __all__ = ["ARM_STIFFNESS", "scene_spec"]
 
 ARM_STIFFNESS = 1e5
-"""Of the arm's two servos, N/m."""
+"""Stiffness of the arm's two servos, N/m."""
 
-# Bits of contype; what an element feels is the other's contype in its own conaffinity.
+# Bits of contype. A contact needs one geom's contype in the other's conaffinity.
 _OBJECT_BIT, _TABLE_BIT, _HAND_BIT = 1, 2, 4
 _ARM_KG = 10.0
 _ARM_DAMPING = 2.0 * np.sqrt(ARM_STIFFNESS * _ARM_KG)
 
 
 def scene_spec(grasp_object: GraspObject, gripper: Gripper, settings: TrialSettings) -> Any:
-    """An ``MjSpec`` with the bodies object, lift, mount and the hand's, prefixed ``hand/``."""
+    """Return an ``MjSpec`` with the bodies object, lift, mount, and the hand's as ``hand/...``."""
     spec = mujoco.MjSpec()
     _set_options(spec, settings)
     spec.worldbody.add_geom(
@@ -57,9 +57,9 @@ def _set_options(spec: Any, settings: TrialSettings) -> None:
     option.impratio = settings.impratio
     option.noslip_iterations = settings.noslip_iterations
     option.iterations = settings.iterations
-    # A state that blew up is to be seen, not silently reset.
+    # An unstable state must be detected, not reset silently.
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    # Sorting so few bodies into islands takes longer than it saves.
+    # With so few bodies, finding islands takes longer than it saves.
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
 
 
@@ -76,7 +76,7 @@ def _add_object(spec: Any, grasp_object: GraspObject, settings: TrialSettings) -
     body.ipos = grasp_object.centroid
     body.fullinertia = (*np.diag(moments), moments[0, 1], moments[0, 2], moments[1, 2])
     for k, piece in enumerate(grasp_object.pieces):
-        # Its own priority makes the object's friction and softness hold in all its contacts.
+        # With priority 1 the object's friction and softness apply in all its contacts.
         geom = body.add_geom(
             name=f"piece{k}",
             contype=_OBJECT_BIT,
@@ -90,7 +90,7 @@ def _add_object(spec: Any, grasp_object: GraspObject, settings: TrialSettings) -
         )
         if isinstance(piece, ConvexPiece):
             mesh = spec.add_mesh(name=f"piece{k}", uservert=piece.vertices.ravel().tolist())
-            # Only the shape counts here: the body's inertia is given above.
+            # The body's inertia is given above; the mesh only needs a valid one.
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
             geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, mesh.name
         else:

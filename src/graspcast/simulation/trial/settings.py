@@ -1,4 +1,4 @@
-"""Every number that a trial depends on besides the object, the gripper and the grasp."""
+"""Settings of a trial: every parameter besides the object, the gripper and the grasp."""
 
 from __future__ import annotations
 
@@ -14,44 +14,44 @@ __all__ = ["TrialSettings"]
 
 @dataclass(frozen=True)
 class TrialSettings:
-    """How a grasp is tried (Sections III-B and IV-C of the paper), and how contact is computed.
+    """Parameters of a trial (Sections III-B and IV-C of the paper) and of its contact model.
 
-    The paper states the lift time and leaves the tolerance to the authors' release (5 cm); every
-    other value is this project's choice.
+    The lift time is from the paper and the tolerance (5 cm) from the authors' release; the other
+    values are choices of this project.
 
     Attributes
     ----------
     standoff_m
-        Distance between the pre-grasp and the grasp, backwards along the approach.
+        Distance of the pre-grasp from the grasp, along the approach.
     approach_speed
         Speed of the approach, m/s.
     lift_speed
         Speed of the lift, m/s, reached within ``lift_ramp_s``.
     lift_s
-        Duration of the lift, ramp included.
+        Duration of the lift, including the ramp.
     lift_ramp_s
         Time in which the lift reaches its speed.
     tolerance_m
-        Largest change of the object's centroid in the hand's frame that is a success.
+        Success if the object's centroid moves by at most this in the hand's frame.
     settle_s
         Pause between the end of the approach and the start of closing.
     arm_force_n
         Largest force with which the arm pushes the hand along its approach.
     overlap_m
-        The open hand starts blocked if it is deeper than this in object or table.
+        The trial is blocked if the open hand starts deeper than this in object or table.
     hand_touches_table
-        Whether the table stops the hand; if not, only the object feels it.
+        Whether the hand collides with the table; the object always does.
     timestep
-        Seconds a simulation step.
+        Duration of a simulation step, seconds.
     integrator
         MuJoCo's integrator.
     cone
         MuJoCo's friction cone.
     impratio
         MuJoCo's ratio of frictional to normal constraint impedance. With the elliptic cone, 2000
-        holds creep under 10 um/s at no cost; at 10 it is 150 um/s.
+        keeps creep below 10 um/s at no cost; with 10 it is 150 um/s.
     noslip_iterations
-        MuJoCo's no-slip iterations, the dearer way of stopping creep.
+        MuJoCo's no-slip iterations, a slower way to reduce creep.
     condim
         Dimension of the contacts of the object with the hand: 3 sliding, 4 with torsion.
     torsion_m
@@ -102,19 +102,19 @@ class TrialSettings:
             )
         if self.lift_height_m <= 2 * self.tolerance_m:
             raise InputError(
-                f"the lift ends after {self.lift_height_m:.3f} m, too low to tell a failure: an "
-                f"object left behind must be farther than the tolerance of {self.tolerance_m} m"
+                f"the lift ends after {self.lift_height_m:.3f} m, too low to detect a failure: "
+                f"it must be more than twice the tolerance of {self.tolerance_m} m"
             )
 
     @property
     def lift_height_m(self) -> float:
-        """How far the hand moves up."""
+        """Height of the lift, metres."""
         return self.lift_speed * (self.lift_s - 0.5 * self.lift_ramp_s)
 
     def as_dict(self) -> dict[str, Any]:
-        """All values, ready for JSON."""
+        """Return all settings as a dictionary for JSON."""
         return asdict(self)
 
     def digest(self) -> str:
-        """SHA-256 over all values, as hex."""
+        """Return the SHA-256 of all settings, as hex."""
         return hashlib.sha256(json.dumps(self.as_dict(), sort_keys=True).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""One trial: a grasp guided by an estimate, tried in simulation (Sections III-B and IV-C)."""
+"""Grasp trial: a grasp guided by a pose estimate, run in simulation (Sections III-B and IV-C)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,11 @@ from graspcast.errors import MismatchError
 from graspcast.pose.transforms import compose, invert
 from graspcast.simulation.grippers.protocol import Gripper, gripper_digest
 from graspcast.simulation.objects.types import ConvexPiece, Grasp, GraspObject, check_rigid
-from graspcast.simulation.trial.early_stopping import Steadiness, beyond_reach, left_behind_m
+from graspcast.simulation.trial.early_stopping import (
+    HoldMonitor,
+    left_behind_offset_m,
+    out_of_reach,
+)
 from graspcast.simulation.trial.scene import Scene, build_scene
 from graspcast.simulation.trial.settings import TrialSettings
 
@@ -28,7 +32,7 @@ __all__ = ["REASONS", "Outcome", "Reason", "Record", "TrialRunner", "TrialSettin
 Reason = Literal["held", "dropped", "slipped", "missed", "blocked", "unstable"]
 REASONS: tuple[Reason, ...] = ("held", "dropped", "slipped", "missed", "blocked", "unstable")
 Record = Callable[[Any, Any, str], None]
-"""Called as ``record(model, data, phase)`` about every 20 ms of a trial, before its first step too.
+"""Called as ``record(model, data, phase)`` before the first step and about every 20 ms of a trial.
 
 The phases are "approach", "close" and "lift". The state must not be changed.
 """
@@ -39,29 +43,28 @@ _COMMAND_S, _CHECK_S, _RECORD_S = 0.02, 0.1, 0.02
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a trial, and why.
+    """Outcome of a trial.
 
     Attributes
     ----------
     success
-        Whether the object is still where it was in the hand, within the tolerance.
+        Whether the object stayed within the tolerance of its place in the hand.
     reason
-        ``held`` is the one success. Failures: ``blocked``, the open hand would start in the object
-        or the table; ``missed``, the closed hand did not touch the object with at least two of its
-        parts, nor does it touch it at the end; ``dropped``, it did, but at the end it does not
-        touch the object; ``slipped``, it touches it at the end, but the object has moved too far;
-        ``unstable``, the simulation blew up.
+        ``held`` for a success. Failures: ``blocked``, the open hand would start in the object or
+        the table; ``missed``, fewer than two parts of the closed hand touched the object, and none
+        does at the end; ``dropped``, at least two did, but none at the end; ``slipped``, the hand
+        touches the object at the end, but it has moved too far; ``unstable``, the simulation
+        diverged.
     offset_m
         Distance between the object's centroid in the hand's base frame after closing and after the
-        lift. If the trial was stopped early, the distance when it was stopped for an object in the
-        hand, and for one left behind the one that the lift would have brought it to. NaN if blocked
-        or unstable.
+        lift, metres. After early stopping: the distance at that time if the object is in the hand,
+        the distance at the end of the full lift if it is left behind. NaN if blocked or unstable.
     simulated_s
-        Seconds of simulated time.
+        Simulated time, seconds.
     computed_s
-        Seconds of computing; the one field that differs between equal trials.
+        Computing time, seconds; the only field that differs between equal trials.
     steps
-        Simulation steps.
+        Number of simulation steps.
     """
 
     success: bool
@@ -73,24 +76,24 @@ class Outcome:
 
 
 class TrialRunner:
-    """Tries grasps of one object with one gripper; the model is compiled once.
+    """Run trials of one object with one gripper; the model is compiled once.
 
-    A runner gives bitwise the same outcome for the same input, whatever it ran before. It holds
-    one simulation state: give each thread or process its own runner.
+    The same input gives bitwise the same outcome, whatever the runner ran before. A runner has one
+    simulation state, so each thread or process needs its own.
 
     Parameters
     ----------
     grasp_object
-        What to grasp.
+        The object.
     gripper
-        With what.
+        The gripper.
     settings
-        How.
+        How the trials are run; the defaults if None.
 
     Attributes
     ----------
     digest
-        SHA-256, as hex, over the object, the gripper and every setting.
+        SHA-256 of the object, the gripper and every setting, as hex.
     mujoco_version
         Version of the physics engine.
     scene
@@ -117,7 +120,7 @@ class TrialRunner:
         self._tcp_T_base = invert(gripper.base_T_tcp)
 
     def sim_T_base(self, obj_T_est: Float[ndarray, "4 4"], grasp: Grasp) -> Float[ndarray, "4 4"]:
-        """Where the hand's base goes: the reference grasp carried over to the estimate."""
+        """Return the pose of the hand's base: the reference grasp transferred to the estimate."""
         reference = self.grasp_object.sim_T_ref
         return compose(reference, obj_T_est, grasp.obj_T_grasp, self._tcp_T_base)
 
@@ -129,19 +132,19 @@ class TrialRunner:
         early_stop: bool = True,
         record: Record | None = None,
     ) -> Outcome:
-        """Try the grasp that an estimate would guide.
+        """Run the trial of the grasp that an estimate would guide.
 
         Parameters
         ----------
         obj_T_est
-            The estimate seen from the true object, ``inv(cam_T_gt) @ cam_T_est``; the identity is a
-            perfect estimate.
+            The estimate in the true object's frame, ``inv(cam_T_gt) @ cam_T_est``; the identity for
+            a perfect estimate.
         grasp
-            The reference grasp of this object by this gripper.
+            Reference grasp of this object by this gripper.
         early_stop
-            Whether to end as soon as the outcome is certain; the label is that of the full lift.
+            Whether to stop as soon as the outcome can no longer change; the label is the same.
         record
-            Called during the trial, for pictures; the outcome stays the same.
+            Called during the trial, for pictures; does not change the outcome.
 
         Raises
         ------
@@ -163,12 +166,12 @@ class TrialRunner:
         return trial.run(self.sim_T_base(obj_T_est, grasp))
 
 
-class _BlowUpError(Exception):
-    """The simulation blew up."""
+class _UnstableError(Exception):
+    """The simulation is unstable."""
 
 
 class _Trial:
-    """The course of one trial on a scene."""
+    """One trial on a scene."""
 
     def __init__(self, scene: Scene, gripper: Gripper, *, early_stop: bool, record: Record | None):
         self.scene, self.gripper, self.settings = scene, gripper, scene.settings
@@ -182,8 +185,8 @@ class _Trial:
     def run(self, sim_T_base: Float[ndarray, "4 4"]) -> Outcome:
         started = time.perf_counter()
         try:
-            success, reason, offset = self._course(sim_T_base)
-        except _BlowUpError:
+            success, reason, offset = self._phases(sim_T_base)
+        except _UnstableError:
             success, reason, offset = False, "unstable", math.nan
         return Outcome(
             success=success,
@@ -194,24 +197,24 @@ class _Trial:
             steps=self.steps,
         )
 
-    def _course(self, sim_T_base: Float[ndarray, "4 4"]) -> tuple[bool, Reason, float]:
+    def _phases(self, sim_T_base: Float[ndarray, "4 4"]) -> tuple[bool, Reason, float]:
         scene, settings = self.scene, self.settings
         scene.place(sim_T_base, -settings.standoff_m)
-        self._show()
+        self._call_record()
         if scene.hand_overlap_m() > settings.overlap_m:
             return False, "blocked", math.nan
         end = sim_T_base[:3, 3]
         start = end - settings.standoff_m * sim_T_base[:3, :3] @ self.gripper.base_T_tcp[:3, 2]
-        if self.early_stop and beyond_reach(scene, start, end):
+        if self.early_stop and out_of_reach(scene, start, end):
             return False, "missed", settings.lift_height_m
         self._approach()
         self._close()
         return self._lift()
 
     def _approach(self) -> None:
-        """Go to the grasp, open-loop; only from where something could be touched is it physics.
+        """Move to the grasp, open-loop; simulate only the part where contact is possible.
 
-        Until then the object rests and the hand is rigid, so the way there has no consequence.
+        Before that the object rests and the hand is rigid, so simulating it would change nothing.
         """
         scene, data, model = self.scene, self.data, self.model
         for name, value in self.closing.open.items():
@@ -222,49 +225,49 @@ class _Trial:
             return
         servo = model.actuator("approach").id
         speed = self.settings.approach_speed
-        # In steady motion the servo's set point is ahead by what its damping costs.
+        # In steady motion the servo's set point leads by the lag that its damping causes.
         lag = speed * abs(model.actuator_biasprm[servo, 2] / model.actuator_gainprm[servo, 0])
         data.act[model.actuator_actadr[servo]] = entry + lag
         data.qvel[model.jnt_dofadr[model.joint("approach").id]] = speed
         data.ctrl[servo] = speed
         self._advance(-entry / speed + self.settings.settle_s)
-        self._check_sound()
+        self._check_stable()
 
     def _clear_until(self) -> float:
-        """A place on the approach (metres, up to 0) before which the open hand is clear."""
+        """Return a place on the approach (metres, at most 0) up to which the open hand is clear."""
         steps = math.ceil(self.settings.standoff_m / _SWEEP_M)
         places = np.linspace(-self.settings.standoff_m, 0.0, steps + 1)
         every = max(1, round(_RECORD_S * self.settings.approach_speed / _SWEEP_M))
-        certain = int(self.scene.clear_m() / _SWEEP_M) if self.record is None else 0
-        for k in range(certain, steps + 1):
+        first = int(self.scene.clearance_m() / _SWEEP_M) if self.record is None else 0
+        for k in range(first, steps + 1):
             self.scene.move_hand(places[k])
             if k % every == 0:
-                self._show()
-            if self.scene.hand_touches():
+                self._call_record()
+            if self.scene.hand_in_contact():
                 return float(places[max(0, k - 2)])
         return 0.0
 
     def _close(self) -> None:
-        """Close until nothing changes any more, or until the time limit."""
+        """Close until equilibrium, or until the time limit."""
         self.phase = "close"
         rule = self.equilibrium
         before = self._state()
         for _ in range(math.ceil(rule.limit_s / rule.window_s)):
-            self._squeeze(rule.window_s)
+            self._advance_closing(rule.window_s)
             now = self._state()
             if all(np.abs(new - old).max() < 1.0 for new, old in zip(now, before, strict=True)):
                 break
             before = now
-        self._check_sound()
+        self._check_stable()
 
     def _state(self) -> tuple[ndarray, ndarray, ndarray]:
-        """Coordinates, the object's centroid and forces, in units of what may change at rest."""
+        """Return centroid, coordinates and forces, in units of the change allowed at rest."""
         scene, data = self.scene, self.data
         centroid = data.xipos[scene.object_body] / self.equilibrium.motion_m
         return centroid, data.qpos * scene.still_qpos, data.actuator_force * scene.still_force
 
-    def _squeeze(self, seconds: float) -> None:
-        """Let time pass while the closing command goes on its way, equilibrium or not."""
+    def _advance_closing(self, seconds: float) -> None:
+        """Simulate some time, during which the ramp of the closing command goes on."""
         closing, scene = self.closing, self.scene
         left = round(seconds / _COMMAND_S)
         while left > 0 and self.closing_s < closing.seconds:
@@ -279,61 +282,61 @@ class _Trial:
             self._advance(left * _COMMAND_S)
 
     def _lift(self) -> tuple[bool, Reason, float]:
-        """Move up, and compare where the object is in the hand with where it was."""
+        """Move up, and compare the object's place in the hand with that before the lift."""
         scene, settings, data = self.scene, self.settings, self.data
         self.phase = "lift"
         at_grasp = scene.centroid_in_base()
         gripped = scene.parts_on_object() >= 2
-        steadiness = Steadiness(scene, at_grasp)
+        hold = HoldMonitor(scene, at_grasp)
         servo = self.model.actuator("lift").id
         scene.lock_approach()
         lifted = 0.0
         while True:
-            touch = scene.touch()
+            contacts = scene.contacts()
             closed = self.closing_s >= self.closing.seconds
-            if self.early_stop and closed and not touch.hand_object:
+            if self.early_stop and closed and not contacts.hand_object:
                 remaining = settings.lift_height_m - data.qpos[scene.lift_qpos]
-                final = left_behind_m(scene, at_grasp, remaining)
+                final = left_behind_offset_m(scene, at_grasp, remaining)
                 if final is not None:
                     return False, "dropped" if gripped else "missed", final
-            if self.early_stop and lifted > 0 and steadiness.certain(lifted, touch):
+            if self.early_stop and lifted > 0 and hold.should_stop(lifted, contacts):
                 break
             if lifted >= settings.lift_s - 1e-9:
                 break
             while lifted < settings.lift_ramp_s - 1e-9:
                 lifted += _COMMAND_S
                 data.ctrl[servo] = settings.lift_speed * min(1.0, lifted / settings.lift_ramp_s)
-                self._squeeze(_COMMAND_S)
-            chunk = min(_CHECK_S, settings.lift_s - lifted)
-            self._squeeze(chunk)
-            lifted += chunk
-            self._check_sound()
+                self._advance_closing(_COMMAND_S)
+            interval = min(_CHECK_S, settings.lift_s - lifted)
+            self._advance_closing(interval)
+            lifted += interval
+            self._check_stable()
         offset = float(np.linalg.norm(scene.centroid_in_base() - at_grasp))
         if offset <= settings.tolerance_m:
             return True, "held", offset
-        if touch.hand_object:
+        if contacts.hand_object:
             return False, "slipped", offset
         return False, "dropped" if gripped else "missed", offset
 
     def _advance(self, seconds: float) -> None:
-        """Let time pass; in smaller pieces, but the same steps, if somebody watches."""
+        """Simulate some time; if recorded, the same steps in shorter intervals."""
         steps = round(seconds / self.settings.timestep)
-        piece = steps
+        interval = steps
         if self.record is not None:
-            piece = max(1, round(_RECORD_S / self.settings.timestep))
+            interval = max(1, round(_RECORD_S / self.settings.timestep))
         done = 0
         while done < steps:
-            count = min(piece, steps - done)
+            count = min(interval, steps - done)
             mujoco.mj_step(self.model, self.data, nstep=count)
             done += count
-            self._show()
+            self._call_record()
         self.steps += steps
 
-    def _check_sound(self) -> None:
-        if self.scene.exploded():
-            raise _BlowUpError
+    def _check_stable(self) -> None:
+        if self.scene.diverged():
+            raise _UnstableError
 
-    def _show(self) -> None:
+    def _call_record(self) -> None:
         if self.record is not None:
             self.record(self.model, self.data, self.phase)
 

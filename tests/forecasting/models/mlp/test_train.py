@@ -1,4 +1,4 @@
-"""The training of many networks, against arithmetic that shares no code with it."""
+"""Training of many networks, against independent arithmetic."""
 
 from __future__ import annotations
 
@@ -17,11 +17,15 @@ import pytest
 
 import graspcast.io
 from graspcast.errors import InputError, MismatchError
-from graspcast.forecasting.models.mlp.kernel import batch_gradient
 from graspcast.forecasting.models.mlp.network import Mlp
-from graspcast.forecasting.models.mlp.packing import network_of, pack, training_on
 from graspcast.forecasting.models.mlp.train import train
-from graspcast.forecasting.models.mlp.types import Checkpoint, MlpSettings, Problem, Trained, Watch
+from graspcast.forecasting.models.mlp.types import (
+    Checkpoint,
+    MlpSettings,
+    Problem,
+    Trained,
+    ValidationSet,
+)
 
 SHORT = MlpSettings(epochs=12)
 
@@ -36,7 +40,9 @@ def samples(seed: int, n: int, d: int = 12) -> tuple[np.ndarray, np.ndarray]:
 def problem(seed: int, n: int = 90, d: int = 12) -> Problem:
     x, y = samples(seed, n + 40, d)
     groups = np.arange(40) % 3 * 7 - 7
-    return Problem(x[:n], y[:n], (Watch(x[n:], y[n:], groups), Watch(x[-9:], y[-9:])), seed)
+    return Problem(
+        x[:n], y[:n], (ValidationSet(x[n:], y[n:], groups), ValidationSet(x[-9:], y[-9:])), seed
+    )
 
 
 # --- An implementation for comparison: float64, one sample after the other, numeric gradient ------
@@ -77,32 +83,6 @@ def as_mlp(parameters: list[np.ndarray]) -> Mlp:
 
 
 # --- Gradient and optimiser -----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("hidden", [(16, 8, 4, 4), (5,), (3, 7), ()])
-@pytest.mark.parametrize("n", [16, 1, 13, 37])
-def test_the_gradient_is_that_of_finite_differences(hidden: tuple[int, ...], n: int) -> None:
-    x, y = samples(n, n, 6)
-    mlp = Mlp.random(6, hidden, seed=n)
-    network = network_of(mlp)
-    training = training_on(Problem(x, y), len(network.params))
-    batch_gradient(network, training, 0, n)
-    expected = pack(as_mlp(numeric_gradient(parameters64(mlp), x, y)), network.plan)
-    assert np.abs(expected).max() > 1e-3
-    np.testing.assert_allclose(training.grads, expected, atol=3e-6)
-
-
-def test_a_batch_is_the_samples_that_the_order_names() -> None:
-    x, y = samples(0, 50)
-    mlp = Mlp.random(12, (16, 8), seed=0)
-    network = network_of(mlp)
-    training = training_on(Problem(x, y), len(network.params))
-    training.order[:] = np.random.default_rng(1).permutation(50)
-    batch_gradient(network, training, 10, 30)
-    chosen = training.order[10:30]
-    whole = training_on(Problem(x[chosen], y[chosen]), len(network.params))
-    batch_gradient(network, whole, 0, 20)
-    np.testing.assert_array_equal(training.grads, whole.grads)
 
 
 def test_adam_on_a_cosine_is_that_of_the_paper_by_kingma_and_ba() -> None:
@@ -148,7 +128,7 @@ def test_training_equals_torch() -> None:
     np.testing.assert_allclose(trained.last.mlp.predict(x), theirs, atol=2e-5)
 
 
-# --- What is watched and kept ---------------------------------------------------------------------
+# --- Validation ----------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -156,15 +136,15 @@ def trained() -> Trained:
     return train([problem(2)], MlpSettings(epochs=200, rate=3e-3))[0]
 
 
-def hits(checkpoint: Checkpoint, watch: int) -> np.ndarray:
-    hit: np.ndarray = (checkpoint.probabilities[watch] > 0.5) == problem(2).watch[watch].labels
+def hits(checkpoint: Checkpoint, index: int) -> np.ndarray:
+    hit: np.ndarray = (checkpoint.probabilities[index] > 0.5) == problem(2).validation[index].labels
     return hit
 
 
-def test_a_kept_checkpoint_is_the_first_epoch_that_reaches_the_best(trained: Trained) -> None:
-    groups = problem(2).watch[0].groups
+def test_a_selected_checkpoint_is_the_first_epoch_that_reaches_the_best(trained: Trained) -> None:
+    groups = problem(2).validation[0].groups
     assert groups is not None
-    for k, seen in enumerate(trained.watched):
+    for k, seen in enumerate(trained.validation):
         assert seen.best.epoch == np.argmax(seen.accuracy) + 1
         assert seen.lowest_loss.epoch == np.argmin(seen.loss) + 1
         assert hits(seen.best, k).mean() == pytest.approx(seen.accuracy.max(), abs=1e-12)
@@ -173,7 +153,7 @@ def test_a_kept_checkpoint_is_the_first_epoch_that_reaches_the_best(trained: Tra
             assert best.epoch == np.argmax(curve) + 1
             mine = groups == group if k == 0 else slice(None)
             assert hits(best, k)[mine].mean() == pytest.approx(curve.max(), abs=1e-12)
-    seen = trained.watched[0]
+    seen = trained.validation[0]
     assert sorted(seen.best_by_group) == [-7, 0, 7]
     assert len({best.epoch for best in seen.best_by_group.values()}) > 1
     assert 1 < seen.best.epoch < 200
@@ -182,7 +162,7 @@ def test_a_kept_checkpoint_is_the_first_epoch_that_reaches_the_best(trained: Tra
 def test_a_checkpoint_is_where_a_shorter_training_on_the_same_schedule_stood(
     trained: Trained, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    best = trained.watched[0].best
+    best = trained.validation[0].best
     whole = MlpSettings(epochs=200, rate=3e-3).rates()
     monkeypatch.setattr(MlpSettings, "rates", lambda self: whole[: self.epochs])
     (shorter,) = train([problem(2)], MlpSettings(epochs=best.epoch, rate=3e-3))
@@ -191,33 +171,35 @@ def test_a_checkpoint_is_where_a_shorter_training_on_the_same_schedule_stood(
 
 
 def test_the_curves_are_those_of_the_probabilities(trained: Trained) -> None:
-    for k, (seen, watch) in enumerate(zip(trained.watched, problem(2).watch, strict=True)):
+    for k, (seen, held_out) in enumerate(
+        zip(trained.validation, problem(2).validation, strict=True)
+    ):
         p = trained.last.probabilities[k]
-        np.testing.assert_allclose(p, trained.last.mlp.predict(watch.inputs), atol=1e-5)
+        np.testing.assert_allclose(p, trained.last.mlp.predict(held_out.inputs), atol=1e-5)
         assert hits(trained.last, k).mean() == pytest.approx(seen.accuracy[-1])
-        entropy = -np.log(np.where(watch.labels, p, 1 - p)).mean()
+        entropy = -np.log(np.where(held_out.labels, p, 1 - p)).mean()
         assert entropy == pytest.approx(seen.loss[-1], rel=1e-5)
-    seen = trained.watched[0]
-    groups = problem(2).watch[0].groups
+    seen = trained.validation[0]
+    groups = problem(2).validation[0].groups
     sizes = {group: np.mean(groups == group) for group in seen.accuracy_by_group}
     pooled = sum(sizes[group] * curve for group, curve in seen.accuracy_by_group.items())
     np.testing.assert_allclose(pooled, seen.accuracy)
 
 
-def test_watching_does_not_touch_the_training(trained: Trained) -> None:
-    alone = replace(problem(2), watch=())
-    (unwatched,) = train([alone], MlpSettings(epochs=200, rate=3e-3))
-    assert unwatched.watched == ()
-    assert unwatched.last.probabilities == ()
-    np.testing.assert_array_equal(unwatched.last.mlp.weights[0], trained.last.mlp.weights[0])
+def test_validation_does_not_change_the_training(trained: Trained) -> None:
+    alone = replace(problem(2), validation=())
+    (without,) = train([alone], MlpSettings(epochs=200, rate=3e-3))
+    assert without.validation == ()
+    assert without.last.probabilities == ()
+    np.testing.assert_array_equal(without.last.mlp.weights[0], trained.last.mlp.weights[0])
 
 
 def test_a_network_learns_what_is_separable() -> None:
     rng = np.random.default_rng(0)
     x = rng.uniform(-1, 1, (600, 2))
     y = x[:, 0] * x[:, 1] > 0  # no line separates these
-    problems = [Problem(x[:400], y[:400], (Watch(x[400:], y[400:]),), s) for s in range(4)]
-    found = [t.watched[0].accuracy[-1] for t in train(problems, MlpSettings(epochs=300))]
+    problems = [Problem(x[:400], y[:400], (ValidationSet(x[400:], y[400:]),), s) for s in range(4)]
+    found = [t.validation[0].accuracy[-1] for t in train(problems, MlpSettings(epochs=300))]
     assert max(found) > 0.95
 
 
@@ -227,7 +209,7 @@ def test_a_network_learns_what_is_separable() -> None:
 def assert_identical(a: Trained, b: Trained) -> None:
     for ours, theirs in zip(a.last.mlp.weights, b.last.mlp.weights, strict=True):
         np.testing.assert_array_equal(ours, theirs)
-    for seen, again in zip(a.watched, b.watched, strict=True):
+    for seen, again in zip(a.validation, b.validation, strict=True):
         np.testing.assert_array_equal(seen.loss, again.loss)
         np.testing.assert_array_equal(seen.accuracy, again.accuracy)
         np.testing.assert_array_equal(seen.best.mlp.weights[0], again.best.mlp.weights[0])
@@ -260,7 +242,7 @@ def test_progress_grows_to_one_in_the_calling_thread() -> None:
     shares: list[float] = []
     threads = set()
 
-    def note(share: float) -> None:
+    def note(share: float, _: str) -> None:
         shares.append(share)
         threads.add(threading.get_ident())
 
@@ -271,7 +253,7 @@ def test_progress_grows_to_one_in_the_calling_thread() -> None:
 
 
 def test_an_error_in_the_callback_stops_the_training() -> None:
-    def interrupt(share: float) -> None:
+    def interrupt(share: float, _: str) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -309,10 +291,11 @@ def test_importing_does_not_import_the_compiler() -> None:
 def test_training_works_where_nothing_can_be_cached(tmp_path: Path) -> None:
     shutil.copytree(SOURCE, tmp_path / "src", ignore=shutil.ignore_patterns("__pycache__"))
     # A file where the directory would be: even root cannot write there.
-    (tmp_path / "src/graspcast/learning/__pycache__").touch()
+    (tmp_path / "src/graspcast/forecasting/models/mlp/__pycache__").touch()
     program = (
         "import numpy as np\n"
-        "from graspcast.forecasting.models.mlp.train import *\n"
+        "from graspcast.forecasting.models.mlp.train import train\n"
+        "from graspcast.forecasting.models.mlp.types import MlpSettings, Problem\n"
         "x = np.linspace(-1, 1, 30)[:, None]\n"
         "print(train([Problem(x, x[:, 0] > 0)], MlpSettings(epochs=2))[0].last.epoch)\n"
     )
@@ -323,8 +306,8 @@ def test_training_works_where_nothing_can_be_cached(tmp_path: Path) -> None:
 
 def test_extreme_inputs_keep_everything_finite() -> None:
     x, y = samples(1, 40)
-    (result,) = train([Problem(x * 1e4, y, (Watch(x * 1e4, y),))], SHORT)
-    assert np.isfinite(result.watched[0].loss).all()
+    (result,) = train([Problem(x * 1e4, y, (ValidationSet(x * 1e4, y),))], SHORT)
+    assert np.isfinite(result.validation[0].loss).all()
     assert np.isfinite(result.last.probabilities[0]).all()
 
 
@@ -343,10 +326,11 @@ def _with(**changes: object) -> Callable[[Problem], Problem]:
         (_with(labels=np.full(90, 2)), InputError, "0 or 1"),
         (_with(inputs=np.full((90, 12), np.nan)), InputError, "input 0 of row 0 is nan"),
         (_with(inputs=np.zeros((0, 12)), labels=np.zeros(0, bool)), InputError, "no samples"),
-        (_with(inputs=np.zeros((90, 11))), MismatchError, "watch 0: 12 inputs, but 11"),
+        (_with(inputs=np.zeros((90, 11))), MismatchError, "validation set 0: 12 inputs, but 11"),
         (
             lambda one: replace(
-                one, watch=(Watch(np.zeros((2, 12)), np.zeros(2, bool), np.zeros(3, int)),)
+                one,
+                validation=(ValidationSet(np.zeros((2, 12)), np.zeros(2, bool), np.zeros(3, int)),),
             ),
             MismatchError,
             "3 groups for 2 samples",

@@ -1,1 +1,1 @@
-"""The paper's small multilayer perceptrons, many trained at once by compiled SIMD code."""
+"""The paper's small multilayer perceptrons, trained in parallel by compiled SIMD code."""

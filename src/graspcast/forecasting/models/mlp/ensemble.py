@@ -1,8 +1,8 @@
-"""TODO."""
+"""Ensembles of the paper's networks, for all objects together or for each object."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,31 +13,33 @@ from graspcast.errors import InputError, MismatchError
 from graspcast.forecasting.models.encoding import UNSEEN, one_hot_numbers
 from graspcast.forecasting.models.mlp.network import Mlp
 from graspcast.forecasting.models.mlp.train import train
-from graspcast.forecasting.models.mlp.types import MlpSettings, Problem, Watch
-from graspcast.forecasting.splits import validation_part
+from graspcast.forecasting.models.mlp.types import MlpSettings, Problem, ValidationSet
+from graspcast.forecasting.splits import validation_mask
+from graspcast.io.progress import Progress
 
 __all__ = ["NetworkEnsemble", "NetworkSettings"]
 
 
 @dataclass(frozen=True)
 class NetworkSettings:
-    """How an ensemble is trained.
+    """Settings of an ensemble of networks.
 
     Attributes
     ----------
     pools_objects
-        One ensemble for all objects, told which by a one-hot vector (MLP-O), or one for each object
-        (MLP).
+        One ensemble for all objects, with the object's one-hot vector as input (MLP-O), or one for
+        each object (MLP).
     standardise
-        Bring features to mean 0 and deviation 1 first (the paper does not).
+        Scale features to mean 0 and standard deviation 1 (the paper does not).
     protocol
-        ``validated`` or ``last`` (see :mod:`graspcast.paper.configurations`).
+        ``last``, the network after the final epoch, or ``validated``, the checkpoint with the
+        lowest loss on a fifth of the training data that is held out.
     members
         Networks whose probabilities are averaged.
     seed
         Of everything random.
     optimiser
-        The paper's, by default.
+        Architecture and optimiser; the paper's by default.
     """
 
     pools_objects: bool = True
@@ -50,18 +52,18 @@ class NetworkSettings:
 
 @dataclass(frozen=True, eq=False)
 class NetworkEnsemble:
-    """Networks whose probabilities are averaged, for all objects or for each.
+    """An ensemble of networks, whose probabilities are averaged.
 
     Attributes
     ----------
     shift, scale
-        Features enter as ``(x - shift) / scale``, (d,).
+        Inputs are ``(features - shift) / scale``, (d,).
     objects
-        How many objects there are.
+        Number of objects.
     pools_objects
-        Whether all share the networks.
+        Whether all objects share one pool of networks; if not, each has its own.
     members
-        For each pool, its networks: ``members[pool][i]``.
+        Networks of each pool: ``members[pool][i]``.
     """
 
     shift: Float[ndarray, "d"]
@@ -78,19 +80,19 @@ class NetworkEnsemble:
         objects: ndarray,
         settings: NetworkSettings,
         *,
-        progress: Callable[[float], None] | None = None,
+        progress: Progress | None = None,
     ) -> NetworkEnsemble:
-        """Train on samples of the object numbers 0 to k - 1.
+        """Train on samples of objects with numbers 0 to k - 1.
 
         Raises
         ------
         InputError
-            For the protocol ``paper``, which needs the outcomes of test samples.
+            For another protocol; ``paper`` would need the outcomes of test samples.
         """
         if settings.protocol not in ("validated", "last"):
             raise InputError(
-                f"a forecaster is trained by the protocol validated or last, not "
-                f"{settings.protocol!r}"
+                f"the protocol must be validated or last, not {settings.protocol!r}",
+                parameters=("protocol",),
             )
         count = int(objects.max()) + 1
         d = features.shape[1]
@@ -109,7 +111,7 @@ class NetworkEnsemble:
                     _problem(inputs[mine], success[mine], objects[mine], seed, settings.protocol)
                 )
         trained = train(problems, settings.optimiser, progress=progress)
-        networks = [(t.watched[0].lowest_loss if t.watched else t.last).mlp for t in trained]
+        networks = [(t.validation[0].lowest_loss if t.validation else t.last).mlp for t in trained]
         size = settings.members
         pools = tuple(tuple(networks[i : i + size]) for i in range(0, len(networks), size))
         return cls(shift, scale, count, settings.pools_objects, pools)
@@ -121,15 +123,18 @@ class NetworkEnsemble:
         return np.concatenate([scaled, one_hot_numbers(objects, self.objects)], axis=1)
 
     def probability(self, features: Float[ndarray, "n d"], objects: ndarray) -> Float[ndarray, "n"]:
-        """Probability of success of each row, the members' average.
+        """Forecast the probability of success of each row: the members' mean.
 
         Raises
         ------
         MismatchError
-            For an unseen object, where each object has networks of its own.
+            For an unseen object, if each object has its own networks.
         """
         if not self.pools_objects and (objects == UNSEEN).any():
-            raise MismatchError("networks for each object cannot answer for an unseen one")
+            raise MismatchError(
+                "the method MLP has networks for each object, and cannot forecast an unseen object",
+                parameters=("method",),
+            )
         inputs = self._inputs(features, objects)
         out = np.empty(len(inputs))
         for pool, members in enumerate(self.members):
@@ -140,7 +145,7 @@ class NetworkEnsemble:
         return out
 
     def to_arrays(self) -> dict[str, ndarray]:
-        """Named arrays; a network's are ``pool/member/weight_0`` and so on."""
+        """Return named arrays; a network's are ``pool/member/weight_0`` and so on."""
         out = {
             "shift": self.shift,
             "scale": self.scale,
@@ -155,7 +160,7 @@ class NetworkEnsemble:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray]) -> NetworkEnsemble:
-        """The inverse of :meth:`to_arrays`."""
+        """Restore what :meth:`to_arrays` returned."""
         pools, size = arrays["shape"].tolist()
 
         def network(pool: int, member: int) -> Mlp:
@@ -185,8 +190,8 @@ def _problem(
 ) -> Problem:
     if protocol == "last":
         return Problem(inputs, success, seed=seed)
-    part = validation_part(2 * objects + success, seed)
-    if not part.any():  # too few samples to spare any
+    part = validation_mask(2 * objects + success, seed)
+    if not part.any():  # too few samples to hold any out
         return Problem(inputs, success, seed=seed)
-    watch = Watch(inputs[part], success[part])
-    return Problem(inputs[~part], success[~part], watch=(watch,), seed=seed)
+    validation = ValidationSet(inputs[part], success[part])
+    return Problem(inputs[~part], success[~part], validation=(validation,), seed=seed)

@@ -1,19 +1,20 @@
-"""The compiled program that trains one small multilayer perceptron.
+"""The compiled training loop of one small multilayer perceptron.
 
-One variable holds one unit's value for sixteen samples
-(:mod:`graspcast.forecasting.models.mlp.simd`), every layer is a loop over such variables, no
-array is allocated, and no layer's size is a constant of the compilation: one
-compilation serves every architecture and every number of inputs.
+One SIMD vector holds one unit's value for sixteen samples
+(:mod:`graspcast.forecasting.models.mlp.simd`). Each layer is a loop over such vectors; no array is
+allocated, and no layer's size is a compile-time constant, so one compilation serves every
+architecture and every number of inputs.
 
-Everything is float32 in flat arrays. Of a layer with ``n_in`` inputs and ``n_out`` outputs,
-padded to a multiple of four, the parameters are ``n_in + 1`` rows of ``n_out`` numbers, the last
-row being the bias; padded outputs have zero parameters, zero activations and zero gradients. The
-plan of a network has one row a layer::
+All numbers are float32 in flat arrays. The parameters of a layer with ``n_in`` inputs and ``n_out``
+outputs (padded to a multiple of four) are ``n_in + 1`` rows of ``n_out`` numbers; the last row is
+the bias. Padded outputs have zero parameters, zero activations and zero gradients. The plan of a
+network has one row for each layer::
 
     n_in, n_out, offset of the parameters, offset of the inputs, offset of the outputs
 
-where the last two count in the buffer of activations and in that of the loss's derivatives with
-respect to them (deltas). Below the inputs of a layer stands one row of ones, for the bias.
+The last two are offsets into the buffer of activations, and into the buffer of the loss's
+derivatives with respect to them (deltas). A row of ones for the bias follows the inputs of each
+layer.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from graspcast.forecasting.models.mlp.simd import (
     LANES,
     QUAD,
     add_sums,
-    everywhere,
+    broadcast,
     gather,
     load,
     multiply_add,
@@ -46,11 +47,11 @@ from graspcast.forecasting.models.mlp.simd import (
 )
 
 __all__ = [
-    "HeldOut",
-    "Kept",
+    "History",
     "Network",
     "Optimiser",
     "Training",
+    "Validation",
     "batch_gradient",
     "evaluate",
     "run_epochs",
@@ -58,26 +59,26 @@ __all__ = [
 
 
 def _compiled(function: Callable[..., None]) -> Callable[..., None]:
-    """Compile at the first call; keep the machine code on disk where a directory can be written."""
+    """Compile at the first call, and cache the machine code on disk if possible."""
     options: dict[str, Any] = {
         "nogil": True,
         "_nrt": False,
         "fastmath": set(simd.FAST),
         "error_model": "numpy",
     }
-    # A checker of types at run time wraps functions, but cannot be compiled.
+    # Run-time type checking in tests wraps functions; the wrapper cannot be compiled.
     function = inspect.unwrap(function)
     try:
-        # numba's cache notices a change of this file, but not of the one with the lanes.
+        # numba's cache is invalidated by changes of this file, but not by those of simd.
         function.__qualname__ += f"_{zlib.crc32(inspect.getsource(simd).encode()):08x}"
         compiled: Callable[..., None] = njit(cache=True, **options)(function)
-    except (OSError, RuntimeError):  # no source to compare with, or no directory to write to
+    except (OSError, RuntimeError):  # no source file, or no writable cache directory
         compiled = njit(**options)(function)
     return compiled
 
 
 class Network(NamedTuple):
-    """Parameters, and room for one block of samples."""
+    """Plan and parameters of a network, and buffers for one block of samples."""
 
     plan: Int64[ndarray, "layers 5"]
     params: Float32[ndarray, "params"]
@@ -86,7 +87,7 @@ class Network(NamedTuple):
 
 
 class Training(NamedTuple):
-    """Samples, the order in which they come, and the state of the optimiser."""
+    """Training samples, their order, and the state of the optimiser."""
 
     inputs: Float32[ndarray, " n*d"]
     labels: Float32[ndarray, "n"]
@@ -99,7 +100,7 @@ class Training(NamedTuple):
 
 
 class Optimiser(NamedTuple):
-    """Adam's constants, and the learning rate of every epoch."""
+    """Constants of Adam, and the learning rate of every epoch."""
 
     rates: Float64[ndarray, "epochs"]
     batch: int
@@ -108,8 +109,8 @@ class Optimiser(NamedTuple):
     epsilon: float
 
 
-class HeldOut(NamedTuple):
-    """Samples to look at after every epoch, in blocks of lanes: (block, input, sample), flat."""
+class Validation(NamedTuple):
+    """Validation samples, evaluated after every epoch, in blocks: (block, input, sample), flat."""
 
     blocks: Float32[ndarray, " blocks*d*lanes"]
     labels: Bool[ndarray, "m"]
@@ -118,11 +119,11 @@ class HeldOut(NamedTuple):
     softplus: Float32[ndarray, " blocks*lanes"]
 
 
-class Kept(NamedTuple):
-    """Curves, and the best checkpoint by each of several criteria.
+class History(NamedTuple):
+    """Validation curves, and the best checkpoint by each of several criteria.
 
-    A row of ``criteria`` is: first group, one past the last group, 0 for the number of hits or 1
-    for the negative loss. The higher score is better; of equal ones the first stays.
+    A row of ``criteria`` is: first group, one past the last group, and 0 for the number of hits or
+    1 for the negative loss. A higher score is better; of equal scores the first is kept.
     """
 
     hits: Int32[ndarray, "epochs groups"]
@@ -138,20 +139,20 @@ def _dense(
     params: ndarray, w: int, n_in: int, n_out: int,
     source: ndarray, src: int, target: ndarray, dst: int, rectify: bool,
 ) -> None:  # fmt: skip
-    """One layer, four outputs at a time so that each input is read once for four."""
+    """Evaluate one layer, four outputs at a time so that each input is read once for four."""
     for o in range(0, n_out, QUAD):
         k = w + n_in * n_out + o
-        a = everywhere(params, k)
-        b = everywhere(params, k + 1)
-        c = everywhere(params, k + 2)
-        d = everywhere(params, k + 3)
+        a = broadcast(params, k)
+        b = broadcast(params, k + 1)
+        c = broadcast(params, k + 2)
+        d = broadcast(params, k + 3)
         k = w + o
         for i in range(n_in):
             x = load(source, src + i * LANES)
-            a = multiply_add(everywhere(params, k), x, a)
-            b = multiply_add(everywhere(params, k + 1), x, b)
-            c = multiply_add(everywhere(params, k + 2), x, c)
-            d = multiply_add(everywhere(params, k + 3), x, d)
+            a = multiply_add(broadcast(params, k), x, a)
+            b = multiply_add(broadcast(params, k + 1), x, b)
+            c = multiply_add(broadcast(params, k + 2), x, c)
+            d = multiply_add(broadcast(params, k + 3), x, d)
             k += n_out
         if rectify:
             a = where_positive(a, a)
@@ -167,7 +168,7 @@ def _dense(
 
 @_compiled
 def _forward(network: Network, source: ndarray, src: int) -> None:
-    """Fill the activations from one block of inputs; the last layer holds logits."""
+    """Compute the activations of one block of inputs; those of the last layer are logits."""
     plan, params, acts = network.plan, network.params, network.acts
     last = plan.shape[0] - 1
     for layer in range(last + 1):
@@ -203,10 +204,10 @@ def _backward(network: Network, grads: ndarray) -> None:
             d = zeros()
             for o in range(n_out):
                 x = load(deltas, dst + o * LANES)
-                a = multiply_add(everywhere(params, k + o), x, a)
-                b = multiply_add(everywhere(params, k + n_out + o), x, b)
-                c = multiply_add(everywhere(params, k + 2 * n_out + o), x, c)
-                d = multiply_add(everywhere(params, k + 3 * n_out + o), x, d)
+                a = multiply_add(broadcast(params, k + o), x, a)
+                b = multiply_add(broadcast(params, k + n_out + o), x, b)
+                c = multiply_add(broadcast(params, k + 2 * n_out + o), x, c)
+                d = multiply_add(broadcast(params, k + 3 * n_out + o), x, d)
             t = src + i * LANES
             store(deltas, t, where_positive(load(acts, t), a))
             t += LANES
@@ -231,7 +232,7 @@ def batch_gradient(network: Network, training: Training, start: int, stop: int) 
     for first in range(start, stop, LANES):
         count = min(LANES, stop - first)
         for s in range(LANES):
-            # Lanes without a sample repeat the last one; their delta is zero.
+            # Lanes without a sample repeat the last sample, with a delta of zero.
             places[s] = order[first + min(s, count - 1)] * width
         for i in range(width):
             store(acts, i * LANES, gather(inputs, places, i))
@@ -245,22 +246,22 @@ def batch_gradient(network: Network, training: Training, start: int, stop: int) 
 
 
 @_compiled
-def evaluate(network: Network, held_out: HeldOut) -> None:
-    """Fill the logits of held-out samples and their softplus."""
+def evaluate(network: Network, validation: Validation) -> None:
+    """Compute the logits of validation samples and their softplus."""
     size = network.plan[0, 0] * LANES
     out = network.plan[-1, 4]
-    for block in range(held_out.logits.shape[0] // LANES):
-        _forward(network, held_out.blocks, block * size)
+    for block in range(validation.logits.shape[0] // LANES):
+        _forward(network, validation.blocks, block * size)
         z = load(network.acts, out)
-        store(held_out.logits, block * LANES, z)
-        store(held_out.softplus, block * LANES, softplus(z))
+        store(validation.logits, block * LANES, z)
+        store(validation.softplus, block * LANES, softplus(z))
 
 
 @_compiled
 def _adam(
     params: ndarray, training: Training, rate: float, epsilon: float, beta1: float, beta2: float
 ) -> None:
-    """Kingma and Ba 2015, algorithm 1 in the order of the end of their section 2."""
+    """Update the parameters by Adam (Kingma and Ba 2015, algorithm 1, as ordered in section 2)."""
     grads, mean, square = training.grads, training.mean, training.square
     r, e = np.float32(rate), np.float32(epsilon)
     b1, b2 = np.float32(beta1), np.float32(beta2)
@@ -274,7 +275,7 @@ def _adam(
 
 @_compiled
 def _shuffle(order: ndarray, random: ndarray) -> None:
-    """Fisher and Yates's shuffle; SplitMix64 (Steele, Lea and Flood 2014) draws the numbers."""
+    """Shuffle (Fisher and Yates) with random numbers by SplitMix64 (Steele et al. 2014)."""
     state = random[0]
     for k in range(order.shape[0] - 1, 0, -1):
         state += np.uint64(0x9E3779B97F4A7C15)
@@ -282,37 +283,37 @@ def _shuffle(order: ndarray, random: ndarray) -> None:
         z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
         z = z ^ (z >> np.uint64(31))
-        # The high half times the range, shifted: uniform to 2^-32 without a division.
+        # The high half times the range, shifted: uniform to within 2^-32, without a division.
         j = np.int64(((z >> np.uint64(32)) * np.uint64(k + 1)) >> np.uint64(32))
         order[k], order[j] = order[j], order[k]
     random[0] = state
 
 
 @_compiled
-def _look(network: Network, held_out: HeldOut, kept: Kept, epoch: int) -> None:
-    """Fill one row of the curves, and keep the parameters wherever they are the best so far."""
-    evaluate(network, held_out)
-    for s in range(held_out.labels.shape[0]):
-        z, label, group = held_out.logits[s], held_out.labels[s], held_out.groups[s]
-        kept.hits[epoch, group] += np.int32((z > 0) == label)
+def _validate(network: Network, validation: Validation, history: History, epoch: int) -> None:
+    """Compute one row of the validation curves, and save parameters that are the best so far."""
+    evaluate(network, validation)
+    for s in range(validation.labels.shape[0]):
+        z, label, group = validation.logits[s], validation.labels[s], validation.groups[s]
+        history.hits[epoch, group] += np.int32((z > 0) == label)
         # Binary cross-entropy: log(1 + exp(z)) - z y.
-        kept.loss[epoch, group] += held_out.softplus[s] - (z if label else np.float32(0.0))
-    for k in range(kept.criteria.shape[0]):
-        first, stop, of_loss = kept.criteria[k]
+        history.loss[epoch, group] += validation.softplus[s] - (z if label else np.float32(0.0))
+    for k in range(history.criteria.shape[0]):
+        first, stop, of_loss = history.criteria[k]
         score = 0.0
         for group in range(first, stop):
-            score += -kept.loss[epoch, group] if of_loss else kept.hits[epoch, group]
-        if score > kept.scores[k]:
-            kept.scores[k] = score
-            kept.epochs[k] = epoch + 1
+            score += -history.loss[epoch, group] if of_loss else history.hits[epoch, group]
+        if score > history.scores[k]:
+            history.scores[k] = score
+            history.epochs[k] = epoch + 1
             for i in range(network.params.shape[0]):
-                kept.params[k, i] = network.params[i]
+                history.params[k, i] = network.params[i]
 
 
 @_compiled
 def run_epochs(
     first: int, stop: int, optimiser: Optimiser, network: Network, training: Training,
-    held_out: HeldOut, kept: Kept,
+    validation: Validation, history: History,
 ) -> None:  # fmt: skip
     """Train from epoch ``first`` (counted from zero) up to, not including, ``stop``."""
     n = training.order.shape[0]
@@ -328,4 +329,4 @@ def run_epochs(
             unbias = math.sqrt(1.0 - decay2)
             rate = optimiser.rates[epoch] * unbias / (1.0 - decay1)
             _adam(network.params, training, rate, optimiser.epsilon * unbias, beta1, beta2)
-        _look(network, held_out, kept, epoch)
+        _validate(network, validation, history, epoch)

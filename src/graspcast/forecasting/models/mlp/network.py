@@ -1,7 +1,7 @@
-"""The paper's success predictor: a small multilayer perceptron.
+"""The paper's network: a small multilayer perceptron.
 
-Section III-C: inputs → 16 → 8 → 4 → 4 → 1, ReLU between the layers and a sigmoid at the end. The
-inputs go in as they are, without standardisation. It is trained by
+Section III-C: inputs → 16 → 8 → 4 → 4 → 1, ReLU between the layers and a sigmoid at the end, and
+inputs that are not standardised. It is trained by
 :mod:`graspcast.forecasting.models.mlp.train`.
 """
 
@@ -22,7 +22,7 @@ __all__ = ["Mlp", "probability"]
 
 
 def probability(logits: Float[ndarray, "n"]) -> Float[ndarray, "n"]:
-    """The logistic function in float64, without overflow."""
+    """Compute the logistic function in float64, without overflow."""
     z = np.asarray(logits, np.float64)
     e = np.exp(-np.abs(z))
     result: ndarray = np.where(z > 0, 1.0, e) / (1.0 + e)
@@ -31,7 +31,7 @@ def probability(logits: Float[ndarray, "n"]) -> Float[ndarray, "n"]:
 
 @dataclass(frozen=True, eq=False)
 class Mlp:
-    """A network: a float32 weight matrix and bias for each layer, the last of one output."""
+    """A network: float32 weights and biases of each layer; the last has one output."""
 
     weights: tuple[Float[ndarray, "_ _"], ...]
     biases: tuple[Float[ndarray, "_"], ...]
@@ -53,7 +53,7 @@ class Mlp:
         return (self.weights[0].shape[1], *(len(bias) for bias in self.biases))
 
     def predict(self, inputs: Float[ndarray, "n d"]) -> Float[ndarray, "n"]:
-        """The probability of success of each row.
+        """Forecast the probability of success of each row.
 
         Raises
         ------
@@ -70,13 +70,13 @@ class Mlp:
         return probability((values @ self.weights[-1].T + self.biases[-1])[:, 0])
 
     def to_arrays(self) -> dict[str, ndarray]:
-        """Named arrays, to be saved without pickle (``numpy.savez``, safetensors)."""
+        """Return the parameters as named arrays."""
         weights = {f"weight_{k}": weight for k, weight in enumerate(self.weights)}
         return weights | {f"bias_{k}": bias for k, bias in enumerate(self.biases)}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Mlp:
-        """The inverse of :meth:`to_arrays`; other keys are ignored.
+        """Restore what :meth:`to_arrays` returned; other keys are ignored.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""One problem in the flat arrays of the compiled program, and back."""
+"""Conversion of problems and networks to the flat arrays of the compiled code, and back."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from numpy import ndarray
 
 from graspcast.errors import InputError
 from graspcast.forecasting.models.mlp.kernel import (
-    HeldOut,
-    Kept,
+    History,
     Network,
     Optimiser,
     Training,
+    Validation,
     evaluate,
     run_epochs,
 )
@@ -25,7 +25,7 @@ from graspcast.forecasting.models.mlp.types import (
     MlpSettings,
     Problem,
     Trained,
-    Watched,
+    ValidationResult,
 )
 
 __all__ = ["Run", "lay_out", "network_of", "pack", "training_on", "unpack"]
@@ -34,7 +34,7 @@ _BY_HITS, _BY_LOSS = 0, 1
 
 
 def lay_out(widths: Sequence[int]) -> Int64[ndarray, "layers 5"]:
-    """The plan of a network whose layers have these widths, inputs first, output last."""
+    """Compute the plan of a network with layers of these widths, inputs first, output last."""
     plan = []
     n_in, parameters, row = widths[0], 0, 0
     for width in widths[1:]:
@@ -47,7 +47,7 @@ def lay_out(widths: Sequence[int]) -> Int64[ndarray, "layers 5"]:
 
 
 def pack(mlp: Mlp, plan: Int64[ndarray, "layers 5"]) -> Float32[ndarray, "params"]:
-    """The parameters as one flat array, padded."""
+    """Convert the parameters to one flat, padded array."""
     flat = []
     for weight, bias, (n_in, n_out, *_) in zip(mlp.weights, mlp.biases, plan, strict=True):
         rows = np.zeros((n_in + 1, n_out), np.float32)
@@ -60,7 +60,7 @@ def pack(mlp: Mlp, plan: Int64[ndarray, "layers 5"]) -> Float32[ndarray, "params
 def unpack(
     params: Float32[ndarray, "params"], plan: Int64[ndarray, "layers 5"], widths: Sequence[int]
 ) -> Mlp:
-    """The inverse of :func:`pack`."""
+    """Restore what :func:`pack` converted."""
     weights, biases = [], []
     for k, (n_in, n_out, start, *_) in enumerate(plan):
         rows = params[start : start + (n_in + 1) * n_out].reshape(n_in + 1, n_out)
@@ -70,7 +70,7 @@ def unpack(
 
 
 def network_of(mlp: Mlp) -> Network:
-    """A network for the compiled program, with room for one block of samples."""
+    """Allocate a network for the compiled code, with buffers for one block of samples."""
     plan = lay_out(mlp.widths)
     n_out, dst = plan[-1, [1, 4]]
     acts = np.zeros(dst + n_out * LANES, np.float32)
@@ -81,14 +81,14 @@ def network_of(mlp: Mlp) -> Network:
 
 
 def training_on(problem: Problem, params: int) -> Training:
-    """The samples of a problem, and an optimiser that has not begun."""
+    """Convert the samples of a problem, and initialise the optimiser."""
     grads, mean, square = np.zeros((3, params), np.float32)
     return Training(
         inputs=np.ascontiguousarray(problem.inputs, np.float32).ravel(),
         labels=problem.labels.astype(np.float32),
         order=np.arange(len(problem.labels)),
         places=np.zeros(LANES, np.int64),
-        # A stream of its own: the initial weights are drawn from the seed itself.
+        # Another stream than that of the initial weights, which uses the seed itself.
         random=np.random.SeedSequence([problem.seed, 1]).generate_state(1, np.uint64),
         grads=grads,
         mean=mean,
@@ -97,7 +97,7 @@ def training_on(problem: Problem, params: int) -> Training:
 
 
 class Run:
-    """One problem on its way through the epochs."""
+    """The training of one problem."""
 
     def __init__(self, problem: Problem, settings: MlpSettings):
         mlp = Mlp.random(problem.inputs.shape[1], settings.hidden, problem.seed)
@@ -107,25 +107,25 @@ class Run:
         self._optimiser = Optimiser(
             settings.rates(), settings.batch, settings.beta1, settings.beta2, settings.epsilon
         )
-        self._sizes = [len(watch.labels) for watch in problem.watch]
+        self._sizes = [len(part.labels) for part in problem.validation]
         none = np.zeros((0, problem.inputs.shape[1]))
-        self._held_out = _held_out(
-            np.concatenate([none, *(watch.inputs for watch in problem.watch)]),
-            np.concatenate([none[:, 0], *(watch.labels for watch in problem.watch)]) > 0,
+        self._validation = _validation_arrays(
+            np.concatenate([none, *(part.inputs for part in problem.validation)]),
+            np.concatenate([none[:, 0], *(part.labels for part in problem.validation)]) > 0,
         )
         self._groups: list[list[int]] = []
         criteria = []
         start = first = 0
-        for watch, size in zip(problem.watch, self._sizes, strict=True):
-            groups = np.zeros(size, int) if watch.groups is None else watch.groups
+        for part, size in zip(problem.validation, self._sizes, strict=True):
+            groups = np.zeros(size, int) if part.groups is None else part.groups
             names, index = np.unique(groups, return_inverse=True)
-            self._held_out.groups[start : start + size] = first + index
+            self._validation.groups[start : start + size] = first + index
             stop = first + len(names)
             criteria += [(first, stop, _BY_HITS), (first, stop, _BY_LOSS)]
             criteria += [(group, group + 1, _BY_HITS) for group in range(first, stop)]
             self._groups.append([int(name) for name in names])
             start, first = start + size, stop
-        self._kept = Kept(
+        self._history = History(
             hits=np.zeros((settings.epochs, first), np.int32),
             loss=np.zeros((settings.epochs, first)),
             criteria=np.array(criteria, np.int64).reshape(-1, 3),
@@ -142,12 +142,12 @@ class Run:
             self._optimiser,
             self._network,
             self._training,
-            self._held_out,
-            self._kept,
+            self._validation,
+            self._history,
         )
 
     def result(self) -> Trained:
-        """What came of it.
+        """Return the trained network and its validation results.
 
         Raises
         ------
@@ -156,38 +156,38 @@ class Run:
         """
         epochs = len(self._optimiser.rates)
         if not np.isfinite(self._network.params).all():
-            raise InputError("the training diverged; lower the learning rate or scale the inputs")
+            raise InputError("training diverged; lower the learning rate or scale the inputs")
         last = self._checkpoint(epochs, self._network.params.copy())
-        kept = self._kept
+        history = self._history
         checkpoints = [
-            self._checkpoint(int(e), p) for e, p in zip(kept.epochs, kept.params, strict=True)
+            self._checkpoint(int(e), p) for e, p in zip(history.epochs, history.params, strict=True)
         ]
-        sizes = np.bincount(self._held_out.groups, minlength=kept.hits.shape[1])
-        watched = []
+        sizes = np.bincount(self._validation.groups, minlength=history.hits.shape[1])
+        results = []
         at = first = 0
         for names in self._groups:
             best, lowest_loss, *by_group = checkpoints[at : at + 2 + len(names)]
             mine = slice(first, first + len(names))
             total = sizes[mine].sum()
-            curves = (kept.hits[:, mine] / sizes[mine]).T
-            watched.append(
-                Watched(
-                    accuracy=kept.hits[:, mine].sum(axis=1) / total,
+            curves = (history.hits[:, mine] / sizes[mine]).T
+            results.append(
+                ValidationResult(
+                    accuracy=history.hits[:, mine].sum(axis=1) / total,
                     accuracy_by_group=dict(zip(names, curves, strict=True)),
-                    loss=kept.loss[:, mine].sum(axis=1) / total,
+                    loss=history.loss[:, mine].sum(axis=1) / total,
                     best=best,
                     best_by_group=dict(zip(names, by_group, strict=True)),
                     lowest_loss=lowest_loss,
                 )
             )
             at, first = at + 2 + len(names), first + len(names)
-        return Trained(last, tuple(watched))
+        return Trained(last, tuple(results))
 
     def _checkpoint(self, epoch: int, params: Float32[ndarray, "params"]) -> Checkpoint:
-        # By the compiled program once more, so that they are, to the bit, those that were counted.
-        evaluate(self._network._replace(params=params), self._held_out)
+        # Evaluated by the same compiled code as in training, so that the bits are equal.
+        evaluate(self._network._replace(params=params), self._validation)
         probabilities: list[Float[ndarray, "n"]] = np.split(
-            probability(self._held_out.logits[: sum(self._sizes)]), np.cumsum(self._sizes[:-1])
+            probability(self._validation.logits[: sum(self._sizes)]), np.cumsum(self._sizes[:-1])
         )
         return Checkpoint(
             epoch,
@@ -200,11 +200,11 @@ def _ceil(number: int, multiple: int) -> int:
     return -(-number // multiple) * multiple
 
 
-def _held_out(inputs: Float[ndarray, "m d"], labels: ndarray) -> HeldOut:
+def _validation_arrays(inputs: Float[ndarray, "m d"], labels: ndarray) -> Validation:
     n, d = inputs.shape
     rows = np.zeros((_ceil(n, LANES), d), np.float32)
     rows[:n] = inputs
-    return HeldOut(
+    return Validation(
         blocks=rows.reshape(-1, LANES, d).transpose(0, 2, 1).ravel(),
         labels=labels,
         groups=np.zeros(n, np.int64),

@@ -1,8 +1,8 @@
-"""Sixteen float32 numbers as one variable of compiled code.
+"""SIMD vectors of sixteen float32 numbers, and operations on them, for code compiled by numba.
 
-Inside functions compiled by numba a value of the type *lanes* holds sixteen numbers, and LLVM puts
-it into whatever vector registers the processor has. The operations below are all there are; they
-may round as fused and reordered arithmetic does, alike in every run on one machine.
+Inside compiled functions a value of the type *lanes* is an LLVM vector, which LLVM maps to the
+vector registers of the processor. Operations may be fused and reordered, so results may differ in
+the last bits between machines, but not between runs on one machine.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ __all__ = [
     "LANES",
     "QUAD",
     "add_sums",
-    "everywhere",
+    "broadcast",
     "gather",
     "load",
     "multiply_add",
@@ -35,7 +35,7 @@ __all__ = [
 LANES = 16
 QUAD = 4
 
-# Everything of LLVM's fast mathematics but the promise that there are no NaN and no infinities.
+# LLVM's fast-math flags, except those that assume that there are no NaN and no infinities.
 FAST = ("contract", "reassoc", "arcp", "nsz", "afn")
 
 _SCALAR = ir.FloatType()
@@ -58,7 +58,7 @@ class _LanesModel(models.PrimitiveModel):
 
 
 def _operation(typing: Callable[..., Any]) -> Callable[..., Any]:
-    """For the type checker: compiled callers give every argument but the first, the context."""
+    """Register an intrinsic; compiled callers pass every argument but the first, the context."""
     compiled: Callable[..., Any] = intrinsic(typing)
     return compiled
 
@@ -74,7 +74,7 @@ def _address(context: Any, builder: Any, array_type: Any, array: Any, index: Any
 
 @_operation
 def load(typing_context: Any, array: Any, index: Any) -> Any:
-    """Sixteen consecutive numbers of an array."""
+    """Load sixteen consecutive numbers of an array."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         address = _address(context, builder, signature.args[0], *values)
@@ -85,7 +85,7 @@ def load(typing_context: Any, array: Any, index: Any) -> Any:
 
 @_operation
 def store(typing_context: Any, array: Any, index: Any, value: Any) -> Any:
-    """Write lanes to sixteen consecutive places of an array."""
+    """Store a vector in sixteen consecutive elements of an array."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         address = _address(context, builder, signature.args[0], *values[:2])
@@ -104,8 +104,8 @@ def _splat(builder: Any, scalar: Any) -> Any:
 
 
 @_operation
-def everywhere(typing_context: Any, array: Any, index: Any) -> Any:
-    """One number of an array in every lane."""
+def broadcast(typing_context: Any, array: Any, index: Any) -> Any:
+    """Load one number of an array into every lane."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         address = _address(context, builder, signature.args[0], *values)
@@ -116,7 +116,7 @@ def everywhere(typing_context: Any, array: Any, index: Any) -> Any:
 
 @_operation
 def zeros(typing_context: Any) -> Any:
-    """Zero in every lane."""
+    """Return a vector of zeros."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         return _constant(0.0)
@@ -126,7 +126,7 @@ def zeros(typing_context: Any) -> Any:
 
 @_operation
 def multiply_add(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
-    """``a * b + c``."""
+    """Compute ``a * b + c``."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         product = builder.fmul(values[0], values[1], flags=FAST)
@@ -137,7 +137,7 @@ def multiply_add(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
 
 @_operation
 def where_positive(typing_context: Any, condition: Any, value: Any) -> Any:
-    """``value`` where ``condition`` is above zero, else zero."""
+    """Select ``value`` where ``condition`` is above zero, else zero."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         positive = builder.fcmp_ordered(">", values[0], _constant(0.0))
@@ -148,7 +148,7 @@ def where_positive(typing_context: Any, condition: Any, value: Any) -> Any:
 
 @_operation
 def gather(typing_context: Any, array: Any, places: Any, shift: Any) -> Any:
-    """``array[places[s] + shift]`` in lane ``s``."""
+    """Load ``array[places[s] + shift]`` into each lane ``s``."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         start = _address(context, builder, signature.args[0], values[0], values[2])
@@ -164,7 +164,7 @@ def gather(typing_context: Any, array: Any, places: Any, shift: Any) -> Any:
 
 
 def _horner(builder: Any, x: Any, coefficients: list[float]) -> Any:
-    """The polynomial with these coefficients, the constant term first."""
+    """Evaluate a polynomial (Horner); the constant term comes first."""
     total = _constant(coefficients[-1])
     for coefficient in reversed(coefficients[:-1]):
         product = builder.fmul(total, x, flags=FAST)
@@ -173,18 +173,18 @@ def _horner(builder: Any, x: Any, coefficients: list[float]) -> Any:
 
 
 def _exp_minus_magnitude(builder: Any, z: Any) -> Any:
-    """``exp(-|z|)``: two to an integer, set in the exponent's bits, times two to a fraction."""
+    """Compute ``exp(-|z|)`` as a power of two (set in the exponent bits) times a polynomial."""
     above = builder.fcmp_ordered(">", z, _constant(0.0))
     magnitude = builder.select(above, z, builder.fsub(_constant(0.0), z))
-    # Beyond 87 the result would leave the normal float32 numbers.
+    # Beyond 87 the result would be subnormal.
     small = builder.fcmp_ordered("<", magnitude, _constant(87.0))
     magnitude = builder.select(small, magnitude, _constant(87.0))
     power = builder.fmul(magnitude, _constant(-1.0 / math.log(2.0)))
-    # Towards zero from half a unit below: to the nearest, as no power is positive.
+    # Truncation after subtracting 1/2 rounds to the nearest integer, as no power is positive.
     integers = ir.VectorType(_INT32, LANES)
     integer = builder.fptosi(builder.fsub(power, _constant(0.5)), integers)
     whole = builder.sitofp(integer, _VECTOR)
-    # Taylor's series of 2^x in [-1/2, 1/2]: the first term left out is below 6e-9.
+    # Taylor series of 2^x in [-1/2, 1/2]; the first omitted term is below 6e-9.
     terms = [math.log(2.0) ** k / math.factorial(k) for k in range(8)]
     fraction = _horner(builder, builder.fsub(power, whole), terms)
     exponent = builder.add(integer, ir.Constant(integers, [127] * LANES))
@@ -194,7 +194,7 @@ def _exp_minus_magnitude(builder: Any, z: Any) -> Any:
 
 @_operation
 def sigmoid(typing_context: Any, z: Any) -> Any:
-    """``1 / (1 + exp(-z))``."""
+    """Compute ``1 / (1 + exp(-z))``."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         e = _exp_minus_magnitude(builder, values[0])
@@ -207,11 +207,11 @@ def sigmoid(typing_context: Any, z: Any) -> Any:
 
 @_operation
 def softplus(typing_context: Any, z: Any) -> Any:
-    """``log(1 + exp(z)) = max(z, 0) + log(1 + exp(-|z|))``."""
+    """Compute ``log(1 + exp(z)) = max(z, 0) + log(1 + exp(-|z|))``."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         e = _exp_minus_magnitude(builder, values[0])
-        # log(1 + e) = 2 artanh(u) with u = e / (2 + e) <= 1/3; the series' rest is below 1e-8.
+        # log(1 + e) = 2 artanh(u), u = e / (2 + e) <= 1/3; the omitted terms are below 1e-8.
         u = builder.fdiv(e, builder.fadd(e, _constant(2.0)))
         series = _horner(builder, builder.fmul(u, u), [2.0 / (2 * k + 1) for k in range(7)])
         above = builder.fcmp_ordered(">", values[0], _constant(0.0))
@@ -225,7 +225,7 @@ def softplus(typing_context: Any, z: Any) -> Any:
 def add_sums(
     typing_context: Any, array: Any, index: Any, a: Any, b: Any, c: Any, d: Any, x: Any
 ) -> Any:
-    """Add the sums of ``a x``, ``b x``, ``c x``, ``d x`` over the lanes to four places."""
+    """Add the sums over lanes of ``a x``, ``b x``, ``c x``, ``d x`` to four array elements."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         address = _address(context, builder, signature.args[0], *values[:2])

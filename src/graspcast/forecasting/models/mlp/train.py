@@ -1,33 +1,34 @@
-"""Training many small networks at once.
+"""Training of many small networks in parallel.
 
 Section IV-D of the paper: binary cross-entropy, Adam, learning rate from 1e-3 to 1e-5 on a cosine
-over 3,000 epochs. What the paper leaves open follows PyTorch's defaults: batches shuffled anew
-each epoch, the learning rate stepped once an epoch, parameters drawn uniformly from
-±1/sqrt(number of inputs); the batch of 16 is ours.
+over 3,000 epochs. What the paper does not state follows PyTorch's defaults: batches are shuffled
+each epoch, the learning rate is stepped once an epoch, and parameters are drawn uniformly from
+±1/sqrt(number of inputs). The batch size of 16 is ours.
 
 ::
 
-    problems = [Problem(x, y, watch=(Watch(x_test, y_test, objects),), seed=3), …]
+    problems = [Problem(x, y, validation=(ValidationSet(x_test, y_test, objects),), seed=3), …]
     for trained in train(problems):
-        trained.last.probabilities[0]     # on the first watch, after the final epoch: honest
-        trained.watched[0].best.epoch     # chosen by looking at the watched labels: not
+        trained.last.probabilities[0]        # on the validation set, after the final epoch
+        trained.validation[0].best.epoch     # selected on the validation set, so optimistic
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 
 import numpy as np
 
 from graspcast.errors import InputError, MismatchError
-from graspcast.forecasting.models.mlp.types import MlpSettings, Problem, Trained, Watch
+from graspcast.forecasting.models.mlp.types import MlpSettings, Problem, Trained, ValidationSet
+from graspcast.io.progress import Progress
 
 __all__ = ["train"]
 
-_REPORTS = 50  # how often a problem reports its progress and can be interrupted
-_LARGEST = 1e12  # of an input; float32 has room for it in sums of products
+_REPORTS = 50  # times that a problem reports progress and can be interrupted
+_LARGEST = 1e12  # input; sums of products of such inputs stay within float32
 
 
 def train(
@@ -35,24 +36,24 @@ def train(
     settings: MlpSettings | None = None,
     *,
     threads: int | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[Trained]:
-    """Train one network for each problem, all at once.
+    """Train one network for each problem, in parallel.
 
-    Each problem is trained by one thread of compiled code, from its own seed: neither the number
-    of threads nor the order of the problems nor their company changes a bit of the result. The
-    first call on a machine compiles for some seconds.
+    Each problem is trained by one thread of compiled code, from its own seed. A result does not
+    depend on the number of threads, nor on the other problems or their order. The first call on a
+    machine compiles for some seconds.
 
     Parameters
     ----------
     problems
         They may differ in their samples and in the number of inputs.
     settings
-        One for all.
+        Of all networks.
     threads
-        As many as there are processors, unless told.
+        Number of threads; the number of processors by default.
     progress
-        Is called from the calling thread with the share of the work that is done.
+        Called from the calling thread with the share of the work that is done and a message.
 
     Raises
     ------
@@ -82,14 +83,14 @@ def train(
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         try:
-            # The largest first, so that no long one is left alone at the end.
+            # The largest first, so that the threads finish at about the same time.
             waiting: set[Future[None]] = {pool.submit(run, int(k)) for k in np.argsort(-work)}
             while waiting:
                 finished, waiting = wait(waiting, timeout=0.1, return_when=FIRST_EXCEPTION)
                 for future in finished:
                     future.result()
                 if progress is not None:
-                    progress(float(min(1.0, work @ share / work.sum())))
+                    progress(float(min(1.0, work @ share / work.sum())), "training networks")
         finally:
             stopped = True
             pool.shutdown(cancel_futures=True)
@@ -97,8 +98,8 @@ def train(
 
 
 def _check(problem: Problem, name: str) -> None:
-    parts: list[tuple[str, Problem | Watch]] = [(name, problem)]
-    parts += [(f"{name}, watch {k}", watch) for k, watch in enumerate(problem.watch)]
+    parts: list[tuple[str, Problem | ValidationSet]] = [(name, problem)]
+    parts += [(f"{name}, validation set {k}", v) for k, v in enumerate(problem.validation)]
     for where, part in parts:
         shape, labels = part.inputs.shape, part.labels
         if len(shape) != 2 or labels.shape != shape[:1]:
@@ -118,5 +119,9 @@ def _check(problem: Problem, name: str) -> None:
             )
         if not np.isin(labels, (0, 1)).all():
             raise InputError(f"{where}: labels must be true or false, or 0 or 1")
-        if isinstance(part, Watch) and part.groups is not None and len(part.groups) != shape[0]:
+        if (
+            isinstance(part, ValidationSet)
+            and part.groups is not None
+            and len(part.groups) != shape[0]
+        ):
             raise MismatchError(f"{where}: {len(part.groups)} groups for {shape[0]} samples")

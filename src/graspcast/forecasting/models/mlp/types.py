@@ -1,4 +1,4 @@
-"""TODO."""
+"""Settings, problems and results of training the networks."""
 
 from __future__ import annotations
 
@@ -16,16 +16,27 @@ __all__ = [
     "MlpSettings",
     "Problem",
     "Trained",
-    "Watch",
-    "Watched",
+    "ValidationResult",
+    "ValidationSet",
 ]
 
 
 @dataclass(frozen=True)
 class MlpSettings:
-    """Architecture and optimiser; the defaults are the paper's, and PyTorch's where it is silent.
+    """Architecture and optimiser (Adam); the defaults are the paper's, else PyTorch's.
 
-    ``rate`` falls to ``final_rate`` on half a cosine over ``epochs``, stepped once an epoch.
+    Attributes
+    ----------
+    hidden
+        Widths of the hidden layers.
+    epochs
+        Number of epochs.
+    batch
+        Samples of a batch.
+    rate, final_rate
+        Learning rate of the first epoch, and its limit after the last, on half a cosine.
+    beta1, beta2, epsilon
+        Of Adam.
 
     Raises
     ------
@@ -51,16 +62,23 @@ class MlpSettings:
             raise InputError(f"beta1 and beta2 must be in [0, 1): {self}")
 
     def rates(self) -> Float[ndarray, "epochs"]:
-        """The learning rate of each epoch (Loshchilov and Hutter 2017, eq. 5, no restart)."""
+        """Compute the learning rate of each epoch (Loshchilov and Hutter 2017, eq. 5)."""
         phase = np.pi * np.arange(self.epochs) / self.epochs
         return self.final_rate + (self.rate - self.final_rate) * 0.5 * (1 + np.cos(phase))
 
 
 @dataclass(frozen=True, eq=False)
-class Watch:
-    """Held-out samples to look at after every epoch.
+class ValidationSet:
+    """Held-out samples on which the network is evaluated after every epoch.
 
-    ``groups`` says which group (say, which object) a sample belongs to: any integers.
+    Attributes
+    ----------
+    inputs
+        (n, d).
+    labels
+        Outcomes, (n,).
+    groups
+        Group of each sample, for example its object; any integers, (n,). None for one group.
     """
 
     inputs: Float[ndarray, "n d"]
@@ -70,17 +88,17 @@ class Watch:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What one network is trained on, what it is watched on, and its seed."""
+    """The training samples, validation sets and seed of one network."""
 
     inputs: Float[ndarray, "n d"]
     labels: Bool[ndarray, "n"]
-    watch: tuple[Watch, ...] = ()
+    validation: tuple[ValidationSet, ...] = ()
     seed: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """A network as it was after ``epoch`` epochs, and its probabilities on every watch."""
+    """A network after ``epoch`` epochs, and its probabilities on every validation set."""
 
     epoch: int
     mlp: Mlp
@@ -88,13 +106,24 @@ class Checkpoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Watched:
-    """What was seen on one watch; place ``e`` of a curve is the state after ``e + 1`` epochs.
+class ValidationResult:
+    """Curves on one validation set, and the checkpoints that it selects.
 
-    A hit is a probability above 1/2 of a success, or one of at most 1/2 of a failure. ``best``
-    and ``best_by_group`` are the first epochs with the most hits on the watched labels, on all of
-    them or on those of one group; ``lowest_loss`` that with the lowest cross-entropy. A score on
-    the very labels by which a checkpoint was chosen is optimistic.
+    A prediction of success is a probability above 1/2. A score on the labels by which a checkpoint
+    was selected is optimistic.
+
+    Attributes
+    ----------
+    accuracy, loss
+        Accuracy and mean cross-entropy after each epoch, (epochs,).
+    accuracy_by_group
+        Accuracy on each group after each epoch.
+    best
+        The first checkpoint with the highest accuracy.
+    best_by_group
+        The same on each group.
+    lowest_loss
+        The first checkpoint with the lowest loss.
     """
 
     accuracy: Float[ndarray, "epochs"]
@@ -107,7 +136,7 @@ class Watched:
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """The network after the final epoch, and what was seen and kept on each watch."""
+    """The network after the final epoch, and the results on each validation set."""
 
     last: Checkpoint
-    watched: tuple[Watched, ...]
+    validation: tuple[ValidationResult, ...]

@@ -1,4 +1,4 @@
-"""What is inside a forecaster: thresholds and ensembles, fitted, saved and read back."""
+"""Ensembles of networks: training, arrays, and averages over members."""
 
 from __future__ import annotations
 
@@ -6,12 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from graspcast.errors import InputError
-from graspcast.forecasting.models.add_threshold import Thresholds, fit_threshold
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble, NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
 
@@ -24,30 +21,6 @@ def problem(seed: int = 0, n: int = 150, objects: int = 3) -> tuple[np.ndarray, 
     x = rng.normal(size=(n, 4))
     kind = np.arange(n) % objects
     return x * [1e-3, 1, 1, 50] + [0, 5, 0, 0], x[:, 0] + x[:, 3] > 0, kind
-
-
-@given(st.integers(0, 200), st.integers(1, 4))
-def test_thresholds_give_the_rate_on_each_side(seed: int, objects: int) -> None:
-    rng = np.random.default_rng(seed)
-    n = 10 * objects
-    value, kind, success = rng.random((n, 1)), np.arange(n) % objects, rng.random(n) < 0.6
-    fitted = Thresholds.fit(value, success, kind)
-    probability = fitted.probability(value, kind)
-    for k in range(objects):
-        mine = kind == k
-        threshold = fit_threshold(value[mine, 0], success[mine])
-        assert fitted.threshold[k] == threshold
-        for side in (value[:, 0] < threshold, value[:, 0] >= threshold):
-            held, tried = int(success[mine & side].sum()), int((mine & side).sum())
-            assert (probability[mine & side] == (held + 1) / (tried + 2)).all()
-    assert ((probability > 0) & (probability < 1)).all()
-
-
-def test_thresholds_come_back_from_their_arrays() -> None:
-    features, success, kind = problem()
-    fitted = Thresholds.fit(features, success, kind)
-    again = Thresholds.from_arrays(fitted.to_arrays())
-    assert_array_equal(again.probability(features, kind), fitted.probability(features, kind))
 
 
 @pytest.mark.parametrize("protocol", ["validated", "last"])

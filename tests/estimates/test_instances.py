@@ -1,0 +1,33 @@
+"""Scenes and blocks of frames."""
+
+from __future__ import annotations
+
+from random import Random
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+import synthetic
+from graspcast.estimates.instances import scene_groups
+
+
+@given(st.integers(5, 80), st.integers(1, 5), st.randoms())
+def test_the_only_scene_is_cut_into_contiguous_blocks(n: int, blocks: int, random: Random) -> None:
+    estimates = synthetic.estimates(n, scenes=1)
+    shuffled = estimates.select(np.random.default_rng(random.getrandbits(32)).permutation(n))
+    groups = scene_groups(shuffled, blocks=blocks)
+    names, sizes = np.unique(groups, return_counts=True)
+    assert names.tolist() == [f"d/0#{b}" for b in range(blocks)]
+    assert sizes.max() - sizes.min() <= 1
+    in_order = groups[np.argsort(shuffled.im_id)]
+    assert (np.sort(in_order) == in_order).all()
+
+
+def test_an_image_stays_in_one_block_and_other_datasets_are_not_cut() -> None:
+    one = synthetic.estimates(40, scenes=1)
+    one = synthetic.with_keys(one, im_id=one.im_id // 4)
+    groups = scene_groups(one)
+    for image in np.unique(one.im_id):
+        assert len(set(groups[one.im_id == image])) == 1
+    assert set(scene_groups(synthetic.estimates(40, scenes=4))) == {f"d/{s}" for s in range(4)}

@@ -1,0 +1,124 @@
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from campaign_script import make_requests
+from graspcast.errors import (
+    FormatError,
+    InputError,
+    MismatchError,
+)
+from graspcast.estimates.outcomes import TRIAL_COLUMNS
+from graspcast.simulation.campaign.campaign import run_campaign
+from graspcast.simulation.campaign.executors import LocalExecutor
+from graspcast.simulation.campaign.jobs import TrialSetup
+from graspcast.simulation.campaign.requests import TrialRequests
+from graspcast.simulation.campaign.store import COLUMNS, Store
+from graspcast.simulation.trial.trial import TrialSettings
+
+ONE = LocalExecutor(1)
+
+
+def test_a_directory_that_cannot_be_written(
+    requests: TrialRequests, setups: dict[tuple[str, str], TrialSetup], tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        run_campaign(requests, setups, tmp_path / "file" / "out", executor=ONE)
+
+
+@pytest.mark.parametrize("change", ["settings", "friction", "poses", "more"])
+def test_another_configuration_refuses_to_mix(
+    complete: Path,
+    requests: TrialRequests,
+    setups: dict[tuple[str, str], TrialSetup],
+    change: str,
+) -> None:
+    before = {p.name: p.read_bytes() for p in complete.glob("[!.]*")}
+    setup = setups["ycbv-4", "parallel"]
+    named = "ycbv-4 by parallel"
+    if change == "settings":
+        setup = TrialSetup(
+            setup.grasp_object, setup.gripper, setup.grasp, TrialSettings(lift_s=14.0)
+        )
+    elif change == "friction":
+        slippery = replace(setup.grasp_object, friction=0.2)
+        setup = TrialSetup(slippery, setup.gripper, setup.grasp, setup.settings)
+    elif change == "poses":
+        named = "estimates of epos on ycbv"
+        moved = requests.obj_T_est.copy()
+        moved[3, 0, 3] += 1e-9
+        requests = TrialRequests(requests.keys, moved)
+    else:
+        named = "estimates of epos on ycbv"
+        requests = make_requests(41)
+    with pytest.raises(MismatchError, match=f"another configuration: {named} .*another directory"):
+        run_campaign(requests, {("ycbv-4", "parallel"): setup}, complete, executor=ONE)
+    assert {p.name: p.read_bytes() for p in complete.glob("[!.]*")} == before
+
+
+def test_a_directory_with_other_files_is_left_alone(
+    requests: TrialRequests, setups: dict[tuple[str, str], TrialSetup], tmp_path: Path
+) -> None:
+    (tmp_path / "thesis.tex").write_text("")
+    with pytest.raises(InputError, match="holds files but no campaign"):
+        run_campaign(requests, setups, tmp_path, executor=ONE)
+    with pytest.raises(FormatError, match="not a campaign's manifest"):
+        Store(tmp_path).outcomes()
+
+
+def test_two_processes_cannot_share_a_directory(
+    complete: Path, requests: TrialRequests, setups: dict[tuple[str, str], TrialSetup]
+) -> None:
+    with (
+        Store(complete).lock(),
+        pytest.raises(InputError, match="another process is running the campaign"),
+    ):
+        run_campaign(requests, setups, complete, executor=ONE)
+
+
+def test_an_interrupted_merge_counts_nothing_twice(complete: Path, tmp_path: Path) -> None:
+    directory = tmp_path / "copy"
+    shutil.copytree(complete, directory)
+    store = Store(directory)
+    whole = Store(directory).outcomes()
+    store.append(whole[:10])
+    # As after a kill between writing the merged file and removing its parts.
+    assert Store(directory).outcomes().equals(whole)
+    assert store.finish().equals(whole)
+    assert not (directory / "shards").exists()
+
+
+def test_many_shards_are_merged_on_the_way(
+    complete: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("graspcast.simulation.campaign.store._MOST_SHARDS", 3)
+    whole = Store(complete).outcomes()
+    store = Store(tmp_path / "out")
+    with store.lock():
+        store.begin(Store(complete).manifest)
+        for row in range(20):
+            store.append(whole[row : row + 1])
+            assert len(list((tmp_path / "out" / "shards").iterdir())) <= 4
+    assert store.outcomes().equals(whole[:20])
+
+
+def test_a_damaged_shard_is_named_and_the_rest_stays(complete: Path, tmp_path: Path) -> None:
+    directory = tmp_path / "copy"
+    shutil.copytree(complete, directory)
+    content = (directory / "outcomes.parquet").read_bytes()
+    (directory / "outcomes.parquet").write_bytes(content[: len(content) // 2])
+    with pytest.raises(FormatError, match=r"outcomes.parquet: is damaged .*remove it"):
+        Store(directory).outcomes()
+    pl.DataFrame({"a": [1]}).write_parquet(directory / "outcomes.parquet")
+    with pytest.raises(FormatError, match="should have the columns estimator"):
+        Store(directory).outcomes()
+
+
+def test_keys_are_the_first_columns() -> None:
+    assert list(COLUMNS)[: len(TRIAL_COLUMNS)] == list(TRIAL_COLUMNS)
