@@ -72,8 +72,8 @@ def _images(benchmark: Benchmark, each: Forecasts, images: list[str]) -> np.ndar
     from graspcast.evaluation.protocols import tasks
 
     rows = [
-        benchmark.rows_of(judged.estimates)
-        for _, judged in tasks(benchmark, "unseen_scenes", each.principal, each.gripper)
+        benchmark.rows_of(test.estimates)
+        for _, test in tasks(benchmark, "unseen_scenes", each.principal, each.gripper)
     ]
     return np.array(images)[np.concatenate(rows)]
 

@@ -122,10 +122,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Models]:
 def test_blocks_of_frames_are_cut_as_in_training(
     monkeypatch: pytest.MonkeyPatch, made: dict[str, Models]
 ) -> None:
-    """Of one scene's 100 frames 60 were tried: none is judged by its own block of 20 frames."""
+    """Of one scene's 100 frames 60 were tried: none is forecast from its own block of 20 frames."""
     world = EstimatorWorld.make(100, scenes=1)
     tried = dataclasses.replace(world, outcomes=world.outcomes.filter(pl.col("im_id") < 60))
-    judged: list[int] = []
+    forecast_ids: list[int] = []
 
     def spy(kept: TrainingData, **options: Any) -> Any:
         forecaster = training_of(kept, **options)
@@ -133,7 +133,7 @@ def test_blocks_of_frames_are_cut_as_in_training(
 
         def probability(estimates: Estimates, *more: Any, **named: Any) -> np.ndarray:
             assert not seen & set((estimates.im_id // 20).tolist())
-            judged.extend(estimates.im_id.tolist())
+            forecast_ids.extend(estimates.im_id.tolist())
             return forecaster.probability(estimates, *more, **named)
 
         return SimpleNamespace(card=forecaster.card, probability=probability)
@@ -142,7 +142,7 @@ def test_blocks_of_frames_are_cut_as_in_training(
     monkeypatch.setattr("graspcast.evaluation.cross_validation.train_forecaster", spy)
     given = tried.training_data("a")
     probability = cross_validated(given, folds=3, method="threshold", models=made)
-    assert sorted(judged) == list(range(60))
+    assert sorted(forecast_ids) == list(range(60))
     assert not np.isnan(probability).any()
     found = cross_validate(given, folds=3, method="threshold", models=made)
     assert found == score(probability, given.tried().own_success == 1, given.tried().objects)

@@ -46,8 +46,8 @@ def test_with_free_abstention_it_is_the_net_benefit_of_decision_curves(
 @given(costs, st.floats(0, 1))
 def test_the_break_even_probability_makes_the_better_choice(price: Costs, p: float) -> None:
     attempting, abstaining = p - (1 - p) * price.failure, -price.abstention
-    worth = attempting if p >= price.break_even else abstaining
-    assert worth == pytest.approx(max(attempting, abstaining))
+    benefit = attempting if p >= price.break_even else abstaining
+    assert benefit == pytest.approx(max(attempting, abstaining))
 
 
 @given(costs, st.integers(0, 1000))

@@ -42,6 +42,19 @@ def add(verbs: Verbs) -> None:
     add_inputs(verb)
     verb.add_argument("--model", metavar="PATH", type=Path, required=True, help="from train")
     add_outcomes(verb, required=True)
+    _add_guarantee_options(verb)
+    verb.add_argument("--seed", metavar="N", type=int, default=0, help="of the draws")
+    verb.add_argument(
+        "--allow-training-scenes",
+        action="store_true",
+        help="certify though the model was trained on some of the scenes; the guarantee is then "
+        "invalid",
+    )
+    add_out(verb, "the certificate (JSON)")
+    add_json(verb)
+
+
+def _add_guarantee_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--rate", metavar="P", type=share, default=0.9, help="default: 0.9")
     verb.add_argument("--confidence", metavar="P", type=share, default=0.9, help="default: 0.9")
     verb.add_argument(
@@ -84,15 +97,6 @@ def add(verbs: Verbs) -> None:
         "(default: 0: learn it from the model's out-of-fold predictions, or start around the "
         "target rate)",
     )
-    verb.add_argument("--seed", metavar="N", type=int, default=0, help="of the draws")
-    verb.add_argument(
-        "--allow-training-scenes",
-        action="store_true",
-        help="certify though the model was trained on some of the scenes; the guarantee is then "
-        "invalid",
-    )
-    add_out(verb, "the certificate (JSON)")
-    add_json(verb)
 
 
 def _certify(options: argparse.Namespace) -> None:
