@@ -1,1 +1,1 @@
-"""Evaluation of forecasts: scores with confidence intervals, protocols, comparisons, certification."""
+"""Evaluation of forecasts: scores with confidence intervals, comparisons, certification."""
