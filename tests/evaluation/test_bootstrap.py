@@ -131,7 +131,7 @@ def test_an_interval_is_corrected_for_bias_and_clipped() -> None:
     biased = Interval.of(0.1, draws)
     centred = Interval.of(0.1, draws - draws.mean() + 0.1)
     assert (biased.low, biased.high) == pytest.approx((centred.low, centred.high), abs=1e-12)
-    assert Interval.of(0.005, draws, (0, 1)).low == 0.0
+    assert Interval.of(0.005, draws, (0.0, 1.0)).low == 0.0
 
 
 def test_undefined_draws_are_left_out() -> None:

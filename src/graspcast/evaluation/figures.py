@@ -120,7 +120,7 @@ def _draw_reliability(
     x = np.bincount(number, weights=f.probability, minlength=BINS)[shown] / size[shown]
     y = np.bincount(number, weights=f.success, minlength=BINS)[shown] / size[shown]
     intervals = [
-        Interval.of(rate, rates[:, k], (0, 1), confidence=bootstrap.confidence)
+        Interval.of(rate, rates[:, k], (0.0, 1.0), confidence=bootstrap.confidence)
         for k, rate in zip(shown, y, strict=True)
     ]
     # Number of instances in each bin, along the bottom; the largest a quarter of the height.

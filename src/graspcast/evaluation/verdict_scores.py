@@ -139,8 +139,8 @@ def score_verdicts(
         attempts=int(tried[0]),
         scenes=len(scene),
         untried=len(verdicts) - len(both),
-        always=Interval.of(always[0], always[1:], (0, 1)),
-        following=Interval.of(following[0], following[1:], (0, 1)) if any_tried else None,
-        attempt_rate=Interval.of(rate[0], rate[1:], (0, 1)),
+        always=Interval.of(always[0], always[1:], (0.0, 1.0)),
+        following=Interval.of(following[0], following[1:], (0.0, 1.0)) if any_tried else None,
+        attempt_rate=Interval.of(rate[0], rate[1:], (0.0, 1.0)),
         gain=Interval.of(gain[0], gain[1:]) if any_tried else None,
     )
