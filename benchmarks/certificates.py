@@ -1,13 +1,13 @@
-"""How often promises are broken, and what they cost, in synthetic worlds whose truth is known.
+"""How often certificates are false, and how many attempts they allow, in synthetic worlds.
 
     pip install 'mapie>=1.6'        # only for the comparison with it; --without-mapie leaves it out
-    python benchmarks/certificates.py --worlds 1000 --json promises.json
+    python benchmarks/certificates.py --worlds 1000 --json certificates.json
 
-Every world is a new calibration (and, where a method learns its sequence, a new training part of
-the same size); its truth is that of a million further trials. *Broken*: a threshold was
-certified, and the true P(success | attempted) is below the rate. *None*: no threshold. *Attempts*:
-the true share of attempts at the certified threshold (0 if none), relative to the largest share
-that knowledge of the truth would allow. Prints Markdown.
+Every run draws new calibration data (and, where a method learns its sequence, training data of the
+same size); the true rates are those of a million further trials. *False*: a threshold was
+certified, and the true P(success | attempted) is below the rate. *None*: no threshold was
+certified. *Attempts*: the true share of attempts at the certified threshold (0 if none), relative
+to the largest share that reaches the rate. Prints Markdown.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ import numpy as np
 from numpy import ndarray
 
 from graspcast.guarantees.binomial import p_value
-from graspcast.guarantees.certificate import Weight
 from graspcast.guarantees.certify import certify
 from graspcast.guarantees.drift_monitor import DriftMonitor
 from graspcast.guarantees.threshold_sequence import default_sequence, learn_sequence
+from graspcast.guarantees.unit_draws import Weight
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from worlds import World
@@ -41,9 +41,9 @@ WORLDS = {
     "50 x 10, repeats, over-dispersed": World(50, 10, scene=3.0, alike=1.0),
     "200 x 8, repeats": World(200, 8, alike=1.0),
     "200 scenes x 8 trials": World(200, 8),
-    "200 x 8, promises too much": World(200, 8, over=1.8),
-    "200 x 8, promises too little": World(200, 8, over=0.6),
-    "200 x 8, scenes mislead": World(200, 8, mislead=1.0),
+    "200 x 8, overconfident": World(200, 8, over=1.8),
+    "200 x 8, underconfident": World(200, 8, over=0.6),
+    "200 x 8, misleading scenes": World(200, 8, mislead=1.0),
     "1,000 scenes x 5 trials": World(1000, 5),
 }
 Data = tuple[ndarray, ndarray, ndarray]
@@ -80,7 +80,7 @@ def ours(weight: Weight, *, learn: bool, naive: bool = False) -> Method:
 
 
 def another(test: Callable[[ndarray, ndarray], float]) -> Method:
-    """The learned sequence with another p-value: what was tried before one draw was chosen."""
+    """The learned sequence with another p-value, for comparison with one draw of each unit."""
 
     def method(training: Data, calibration: Data) -> float | None:
         probability, success, units = calibration
@@ -113,7 +113,7 @@ def bets(attempt: ndarray, success: ndarray) -> float:
     """A mixture of bets that each scene's failures are fewer than its attempts allow.
 
     The loss (failures - (1 - rate) attempts) / trials is at most the rate, and at least 0 on
-    average where the promise is broken, so that every product has a mean of at most 1.
+    average where the rate is not reached, so that every product has a mean of at most 1.
     """
     loss = ((attempt & ~success).sum(axis=1) - (1 - RATE) * attempt.sum(axis=1)) / attempt.shape[1]
     stakes = np.linspace(0.02, 0.999, 40) / RATE
@@ -152,10 +152,10 @@ def methods(with_mapie: bool, alternatives: bool) -> dict[str, Method]:
     out = {
         "trials as units, default sequence": ours("attempt", learn=False, naive=True),
         "trials as units, learned sequence": ours("attempt", learn=True, naive=True),
-        "every attempt counts, default sequence": ours("attempt", learn=False),
-        "every attempt counts, learned sequence": ours("attempt", learn=True),
-        "every scene counts, default sequence": ours("unit", learn=False),
-        "every scene counts, learned sequence": ours("unit", learn=True),
+        "attempts weighted equally, default sequence": ours("attempt", learn=False),
+        "attempts weighted equally, learned sequence": ours("attempt", learn=True),
+        "scenes weighted equally, default sequence": ours("unit", learn=False),
+        "scenes weighted equally, learned sequence": ours("unit", learn=True),
     }
     if with_mapie:
         out["MAPIE, its default"] = mapie("bonferroni_holm")
@@ -174,9 +174,9 @@ def run(world: World, chosen: dict[str, Method], count: int) -> tuple[float, dic
             if threshold is None:
                 tally[name].append((False, True, 0.0))
             else:
-                broken = truth.rate(threshold) < RATE
-                tally[name].append((broken, False, truth.attempts(threshold) / best))
-    keys = ("broken", "none", "attempts")
+                false = truth.rate(threshold) < RATE
+                tally[name].append((false, False, truth.attempts(threshold) / best))
+    keys = ("false", "none", "attempts")
     return best, {
         name: dict(zip(keys, np.mean(rows, axis=0).round(4).tolist(), strict=True))
         for name, rows in tally.items()
@@ -184,7 +184,7 @@ def run(world: World, chosen: dict[str, Method], count: int) -> tuple[float, dic
 
 
 def monitor(runs: int, length: int) -> dict[str, dict[str, float]]:
-    """False alarms and delays of the drift monitor at alpha 0.05, promised rate 0.9."""
+    """False alarms and delays of the drift monitor at alpha 0.05, guaranteed rate 0.9."""
     rng = np.random.default_rng(0)
     out: dict[str, dict[str, float]] = {}
 
@@ -210,16 +210,16 @@ def monitor(runs: int, length: int) -> dict[str, dict[str, float]]:
     return out
 
 
-def print_watched(watched: dict[str, dict[str, float]]) -> None:
-    print("\n| field | alarmed | median attempts to the alarm | nine of ten within |")
+def print_monitor(monitored: dict[str, dict[str, float]]) -> None:
+    print("\n| attempts | alarmed | median attempts to the alarm | nine of ten within |")
     print("|---|---:|---:|---:|")
-    for name, row in watched.items():
+    for name, row in monitored.items():
         delays = (f"{row[k]:.0f}" if k in row else "-" for k in ("median", "nine of ten"))
         print(f"| {name} | {row['alarmed']:.3f} | {' | '.join(delays)} |")
 
 
 def main() -> None:
-    # MAPIE says in words too that it found no threshold.
+    # MAPIE warns when it finds no threshold.
     warnings.filterwarnings("ignore", message="No predict parameters were found")
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--worlds", type=int, default=1000, help="of each kind (default: 1000)")
@@ -233,7 +233,7 @@ def main() -> None:
     chosen = methods(not options.without_mapie, options.alternatives)
     found = {}
     print(f"Rate {RATE}, confidence {CONFIDENCE}, {options.worlds} worlds of each kind.\n")
-    print("Cells: broken / none / attempts.\n")
+    print("Cells: false / none / attempts.\n")
     print(f"| world | {' | '.join(chosen)} |\n|---|{'---|' * len(chosen)}")
     for title, world in WORLDS.items():
         if options.only not in title:
@@ -244,12 +244,12 @@ def main() -> None:
         cells = (" / ".join(f"{value:.3f}" for value in row.values()) for row in rows.values())
         print(f"| {title} (at best {best:.0%}) | {' | '.join(cells)} |", flush=True)
         print(f"{title}: {time.perf_counter() - start:.0f} s", file=sys.stderr)
-    watched = {}
+    monitored = {}
     if not (options.only or options.alternatives):
-        watched = monitor(max(options.worlds // 2, 20), 2000)
-        print_watched(watched)
+        monitored = monitor(max(options.worlds // 2, 20), 2000)
+        print_monitor(monitored)
     if options.json:
-        content = {"worlds": options.worlds, "guarantees": found, "monitor": watched}
+        content = {"worlds": options.worlds, "certificates": found, "monitor": monitored}
         options.json.write_text(json.dumps(content, indent=2) + "\n")
 
 

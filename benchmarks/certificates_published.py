@@ -1,14 +1,14 @@
-"""Promises on the published data: certified on some scenes, held against others.
+"""Certificates on the published data: certified on some scenes or images, checked on the others.
 
     python benchmarks/certificates_published.py \
         --data DIR --work DIR --transferred DIR --outcomes DIR
 
-The default forecaster's forecasts of scenes that it has not seen (those of ``graspcast evaluate``,
-protocol ``unseen_scenes``; give its ``--work`` and the same trials) are dealt out at random again
-and again: half of the scenes (or of the images) certify a threshold, the other half is attempted at
-it. A promise is broken where the attempts' success rate falls below the promised one. Beside it the
-attempts, as a share of those of a perfect ranking, which could fill up with failures until the rate
-is just kept.
+The forecasts are those of the default forecaster for unseen scenes (of ``graspcast evaluate``,
+protocol ``unseen_scenes``; use its ``--work`` and the same trials). They are split at random many
+times: one half of the scenes (or images) certifies a threshold, which is applied to the other half.
+A certificate is false where the success rate of the attempts falls below the certified one. The
+share of attempts is also given relative to that of a perfect ranking, which attempts all successes
+and then failures until the rate is just reached.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def main() -> None:
     methods = {"blend": METHODS["blend"](given.seed)}
     forecasts = forecast_all(benchmark, methods, ["unseen_scenes"], work=given.work)
     images = [f"{d}/{s}/{i}" for d, s, i, *_ in benchmark.estimates.instances.to_keys()]
-    print("| certified on | gripper | principal | no threshold | broken | attempted | of perfect |")
+    print("| certified on | gripper | principal | no threshold | false | attempted | of perfect |")
     print("|---|---|---|---|---|---|---|")
     found = []
     for unit in ("scene", "image"):
@@ -62,18 +62,18 @@ def main() -> None:
             found.append(
                 {"unit": unit, "gripper": each.gripper, "principal": each.principal, **row}
             )
-            cells = [f"{row[k]:.3f}" for k in ("none", "broken", "attempted", "of_perfect")]
+            cells = [f"{row[k]:.3f}" for k in ("none", "false", "attempted", "of_perfect")]
             print("| " + " | ".join([unit + "s", each.gripper, each.principal, *cells]) + " |")
     write_json(given.json, found)
 
 
 def _images(benchmark: Benchmark, each: Forecasts, images: list[str]) -> np.ndarray:
-    """The image of every forecast: they are in the order of the protocol's tasks."""
+    """The image of each forecast; forecasts are in the order of the protocol's tasks."""
     from graspcast.evaluation.protocols import tasks
 
     rows = [
-        benchmark.rows_of(judged.estimates)
-        for _, judged in tasks(benchmark, "unseen_scenes", each.principal, each.gripper)
+        benchmark.rows_of(test.estimates)
+        for _, test in tasks(benchmark, "unseen_scenes", each.principal, each.gripper)
     ]
     return np.array(images)[np.concatenate(rows)]
 
@@ -81,7 +81,7 @@ def _images(benchmark: Benchmark, each: Forecasts, images: list[str]) -> np.ndar
 def _resample(each: Forecasts, units: np.ndarray, given: argparse.Namespace) -> dict[str, float]:
     random = np.random.default_rng(given.seed)
     names = np.unique(units)
-    none, broken, attempted, perfect = [], [], [], []
+    none, false, attempted, perfect = [], [], [], []
     for _ in range(given.resamplings):
         half = np.isin(units, random.permutation(names)[: len(names) // 2])
         guarantee = certify(
@@ -96,12 +96,12 @@ def _resample(each: Forecasts, units: np.ndarray, given: argparse.Namespace) -> 
         possible = min(1.0, success.mean() / given.rate)
         none.append(guarantee.threshold is None)
         attempts = probability >= (np.inf if guarantee.threshold is None else guarantee.threshold)
-        broken.append(bool(attempts.any()) and success[attempts].mean() < given.rate)
+        false.append(bool(attempts.any()) and success[attempts].mean() < given.rate)
         attempted.append(attempts.mean())
         perfect.append(attempts.mean() / possible)
     return {
         "none": float(np.mean(none)),
-        "broken": float(np.mean(broken)),
+        "false": float(np.mean(false)),
         "attempted": float(np.mean(attempted)),
         "of_perfect": float(np.mean(perfect)),
     }

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from graspcast.estimates.instances import unit_names
     from graspcast.estimates.matching import match
     from graspcast.estimates.outcomes import read_outcomes
+    from graspcast.evaluation.certification import certify_forecaster
     from graspcast.evaluation.cross_validation import cross_validate
     from graspcast.evaluation.estimator_comparison import Comparison, compare
     from graspcast.evaluation.scores import Scores, score
@@ -90,6 +91,7 @@ _HOME = {
     "estimates.instances": ("unit_names",),
     "estimates.matching": ("match",),
     "estimates.outcomes": ("read_outcomes",),
+    "evaluation.certification": ("certify_forecaster",),
     "evaluation.cross_validation": ("cross_validate",),
     "evaluation.estimator_comparison": (
         "Comparison",

@@ -9,7 +9,12 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from sklearn.metrics import roc_auc_score
 
-from graspcast.evaluation.bootstrap import Resampled, draw_scenes
+from graspcast.evaluation.bootstrap import (
+    Interval,
+    ResampledScores,
+    draw_scenes,
+    original_and_draws,
+)
 from graspcast.evaluation.predictions import Forecasts
 from graspcast.evaluation.scores import BINS, bin_of, score
 
@@ -59,7 +64,7 @@ def test_every_score_is_that_of_repeated_rows(
     rows = repeated(f, draw[0])
     assume(len(rows))
     expected = score(f.probability[rows], f.success[rows], f.objects[rows])
-    again = Resampled(f, SCENES, draw)
+    again = ResampledScores(f, SCENES, draw)
     for name in MEASURES:
         value = getattr(again, name)()
         assert value.shape == (1,)
@@ -70,7 +75,7 @@ def test_every_score_is_that_of_repeated_rows(
 def test_auroc_is_scikit_learns_with_repeated_rows_and_with_weights() -> None:
     f = forecasts(3, n=200)
     counts = draw_scenes(SCENES, 20, seed=1)
-    found = Resampled(f, SCENES, counts).auroc()
+    found = ResampledScores(f, SCENES, counts).auroc()
     number = np.array([SCENES.index(s) for s in f.scenes])
     for draw, value in zip(counts, found, strict=True):
         rows = repeated(f, draw)
@@ -86,7 +91,7 @@ def test_success_in_bins_is_a_loop_over_rows() -> None:
     draw = np.array([[1, 0, 2, 1]])
     rows = repeated(f, draw[0])
     number = bin_of(f.probability[rows])
-    found = Resampled(f, SCENES, draw).success_in_bins()[0]
+    found = ResampledScores(f, SCENES, draw).success_in_bins()[0]
     for k in range(BINS):
         mine = f.success[rows][number == k]
         assert found[k] == pytest.approx(mine.mean() if len(mine) else np.nan, nan_ok=True)
@@ -94,7 +99,7 @@ def test_success_in_bins_is_a_loop_over_rows() -> None:
 
 def test_a_draw_of_nothing_has_no_scores() -> None:
     f = forecasts(0)
-    again = Resampled(f, SCENES, np.zeros((1, 4), np.int64))
+    again = ResampledScores(f, SCENES, np.zeros((1, 4), np.int64))
     for name in MEASURES:
         assert np.isnan(getattr(again, name)()).all(), name
 
@@ -108,3 +113,39 @@ def test_draws_are_of_as_many_scenes_and_repeatable() -> None:
     # Each scene once on average, and absent in (3/4)^4 of the draws.
     assert_allclose(counts.mean(axis=0), 1, atol=0.06)
     assert_allclose((counts == 0).mean(axis=0), 0.75**4, atol=0.03)
+
+
+def test_an_interval_of_a_mean_is_that_of_the_normal_distribution() -> None:
+    draws = np.random.default_rng(0).normal(0.4, 0.02, 20_000)
+    found = Interval.of(0.4, draws)
+    assert (found.low, found.high) == pytest.approx(
+        (0.4 - 1.96 * 0.02, 0.4 + 1.96 * 0.02), abs=1e-3
+    )
+    assert found.excludes_zero
+    wider = Interval.of(0.4, draws, confidence=0.99)
+    assert wider.low == pytest.approx(0.4 - 2.576 * 0.02, abs=2e-3)
+
+
+def test_an_interval_is_corrected_for_bias_and_clipped() -> None:
+    draws = np.random.default_rng(0).normal(0.2, 0.01, 4000)
+    biased = Interval.of(0.1, draws)
+    centred = Interval.of(0.1, draws - draws.mean() + 0.1)
+    assert (biased.low, biased.high) == pytest.approx((centred.low, centred.high), abs=1e-12)
+    assert Interval.of(0.005, draws, (0.0, 1.0)).low == 0.0
+
+
+def test_undefined_draws_are_left_out() -> None:
+    draws = np.array([0.1, np.nan, 0.2, 0.3])
+    assert Interval.of(0.2, draws) == Interval.of(0.2, draws[[0, 2, 3]])
+    for undefined in (Interval.of(0.2, np.full(3, np.nan)), Interval.of(np.nan, draws)):
+        assert undefined.ends is None
+        assert not undefined.excludes_zero
+    assert str(Interval.of(0.2, draws[:0])) == "0.200"
+    assert f"{Interval(0.2, 0.1, 0.3):+}" == "+0.200 [+0.100, +0.300]"
+
+
+def test_a_single_scene_is_not_resampled() -> None:
+    assert original_and_draws(["s"], 10, 0).tolist() == [[1]]
+    counts = original_and_draws(SCENES, 10, 4)
+    assert (counts[0] == 1).all()
+    assert (counts[1:] == draw_scenes(SCENES, 10, 4)).all()

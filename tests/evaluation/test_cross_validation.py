@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
+from numpy.testing import assert_array_equal
 
 import synthetic
 from graspcast.bop.models import Models
 from graspcast.errors import MismatchError
+from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import scene_groups
-from graspcast.evaluation.cross_validation import cross_validate
+from graspcast.evaluation.cross_validation import cross_validate, cross_validated
+from graspcast.evaluation.scores import score
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
 from graspcast.forecasting.train import train_forecaster
 from graspcast.forecasting.training_data import TrainingData
 from poses import write_models
+from supporters import EstimatorWorld
 
 SHORT = NetworkSettings(members=2, optimiser=MlpSettings(epochs=80, rate=1e-2))
 
@@ -105,3 +111,49 @@ def test_what_knows_an_object_only_by_its_own_networks_cannot_answer_for_another
     with pytest.raises(MismatchError, match="was not trained for d-7"):
         forecaster.probability(other)
     assert forecaster.probability(other, unseen_objects=True).shape == (10,)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Models]:
+    folder = write_models(tmp_path_factory.mktemp("made"), obj_1={}, obj_2={})
+    return {"made": Models(folder)}
+
+
+def test_blocks_of_frames_are_cut_as_in_training(
+    monkeypatch: pytest.MonkeyPatch, made: dict[str, Models]
+) -> None:
+    """Of one scene's 100 frames 60 were tried: none is forecast from its own block of 20 frames."""
+    world = EstimatorWorld.make(100, scenes=1)
+    tried = dataclasses.replace(world, outcomes=world.outcomes.filter(pl.col("im_id") < 60))
+    forecast_ids: list[int] = []
+
+    def spy(kept: TrainingData, **options: Any) -> Any:
+        forecaster = training_of(kept, **options)
+        seen = set((kept.estimates.im_id // 20).tolist())
+
+        def probability(estimates: Estimates, *more: Any, **named: Any) -> np.ndarray:
+            assert not seen & set((estimates.im_id // 20).tolist())
+            forecast_ids.extend(estimates.im_id.tolist())
+            return forecaster.probability(estimates, *more, **named)
+
+        return SimpleNamespace(card=forecaster.card, probability=probability)
+
+    training_of = train_forecaster
+    monkeypatch.setattr("graspcast.evaluation.cross_validation.train_forecaster", spy)
+    given = tried.training_data("a")
+    probability = cross_validated(given, folds=3, method="threshold", models=made)
+    assert sorted(forecast_ids) == list(range(60))
+    assert not np.isnan(probability).any()
+    found = cross_validate(given, folds=3, method="threshold", models=made)
+    assert found == score(probability, given.tried().own_success == 1, given.tried().objects)
+
+
+def test_an_object_of_one_scene_has_no_probability(made: dict[str, Models]) -> None:
+    world = EstimatorWorld.make(120, scenes=6)
+    given = world.training_data("a")
+    alone = synthetic.with_keys(
+        given.estimates, obj_id=np.where(given.estimates.scene_id == 2, 2, 1)
+    )
+    given = dataclasses.replace(given, estimates=alone)
+    probability = cross_validated(given, folds=3, method="threshold", models=made)
+    assert_array_equal(np.isnan(probability), alone.scene_id == 2)

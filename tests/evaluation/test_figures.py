@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from graspcast.errors import ExtraMissingError, InputError
+from graspcast.evaluation.bootstrap import Bootstrap
 from graspcast.evaluation.figures import draw_figures, reliability_diagram
 from graspcast.evaluation.predictions import Forecasts
-from graspcast.evaluation.report import Bootstrap
 from graspcast.evaluation.scores import calibration_error, risk_coverage
 
 METHODS = ("threshold", "good")

@@ -1,4 +1,4 @@
-"""Figures from predictions: their keys, their intervals against reindexing, their Markdown."""
+"""Scores of predictions: their keys, and their intervals against plain reindexing."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from graspcast.errors import InputError, MismatchError
-from graspcast.evaluation.bootstrap import draw_scenes
+from graspcast.evaluation.bootstrap import Bootstrap, draw_scenes
 from graspcast.evaluation.net_benefit import Costs
 from graspcast.evaluation.predictions import Forecasts
-from graspcast.evaluation.report import MEASURES, SCORES, Bootstrap, evaluate
+from graspcast.evaluation.report import MEASURES, SCORES, evaluate
 from graspcast.evaluation.scores import score
-from graspcast.evaluation.tables import render_evaluation
 
 PRINCIPALS = ("epos", "gdrnpp")
 GRIPPERS = ("parallel", "underactuated")
@@ -90,7 +89,10 @@ def test_intervals_and_differences_are_those_of_plain_reindexing(found: dict[str
         rows = np.concatenate([np.flatnonzero(f.scenes == name) for name in names])
         p, s = f.probability[rows], f.success[rows]
         scores = score(p, s, f.objects[rows])
-        return [*(getattr(scores, name) for name in SCORES), costs.following(p, s).mean()]
+        return [
+            *(getattr(scores, name) for name in SCORES),
+            costs.net_benefit_of_forecast(p, s).mean(),
+        ]
 
     drawn = {
         method: [
@@ -101,7 +103,7 @@ def test_intervals_and_differences_are_those_of_plain_reindexing(found: dict[str
     }
     good, threshold = np.array(drawn["good"]), np.array(drawn["threshold"])
     figures = found["evaluate"]["unseen_scenes"]["good"]["underactuated"]
-    for k, measure in enumerate((*SCORES, "net_value")):
+    for k, measure in enumerate((*SCORES, "net_benefit")):
         bias = good[:, k].mean() - figures[measure]
         expected = np.quantile(good[:, k], [0.025, 0.975]) - bias
         assert figures[f"{measure}_interval"] == pytest.approx(np.clip(expected, -3, 1), abs=1e-9)
@@ -124,13 +126,13 @@ def test_a_method_differs_from_itself_by_nothing_in_every_draw() -> None:
 def test_knowing_more_is_better_and_pairing_shows_it(found: dict[str, Any]) -> None:
     for gripper in GRIPPERS:
         good = found["evaluate"]["unseen_scenes"]["good"][gripper]
-        for measure, sign in (("auroc", 1), ("brier", -1), ("aurc", -1), ("net_value", 1)):
+        for measure, sign in (("auroc", 1), ("brier", -1), ("aurc", -1), ("net_benefit", 1)):
             gap = good["differences"]["threshold"][measure]
             assert sign * gap["difference"] > 0
             assert min(sign * end for end in gap["interval"]) > 0, measure
-        reference = found["reference_values"]["unseen_scenes"][gripper]
+        reference = found["reference_net_benefit"]["unseen_scenes"][gripper]
         assert reference["never"] == pytest.approx(-0.2)
-        assert reference["always"] < good["net_value"] < reference["perfect"]
+        assert reference["always"] < good["net_benefit"] < reference["perfect"]
 
 
 def test_the_interval_covers_the_mean_of_scenes_as_often_as_it_says() -> None:
@@ -174,32 +176,15 @@ def test_what_cannot_be_compared_is_refused() -> None:
     with pytest.raises(InputError, match="two forecasts of threshold, epos, parallel"):
         evaluate([*every, every[0]])
     other = dataclasses.replace(every[-1], success=~every[-1].success)
-    with pytest.raises(MismatchError, match="good and threshold were judged on different success"):
+    with pytest.raises(MismatchError, match="good and threshold were evaluated on different"):
         evaluate([*every[:-1], other])
     with pytest.raises(MismatchError, match="good has no forecasts for gdrnpp"):
         evaluate(every[:-1])
 
 
-def test_markdown_has_a_table_for_every_protocol(found: dict[str, Any]) -> None:
-    text = render_evaluation(
-        {
-            **found,
-            "protocols": {"random_split": "What it is.", "unseen_scenes": "What that is."},
-            "methods": {m: f"How {m} works." for m in METHODS},
-            "costs": {"failure": 2.0, "abstention": 0.2, "break_even": 0.6},
-            "bootstrap": dataclasses.asdict(BOOTSTRAP),
-        }
-    )
-    assert "from a probability of 0.600 on" in text
-    for protocol, meaning in (("random_split", "What it is."), ("unseen_scenes", "What that is.")):
-        part = text[text.index(f"## `{protocol}`") :]
-        assert part.split("\n\n")[1] == meaning
-        figures = found["evaluate"][protocol]["good"]["parallel"]
-        low, high = figures["auroc_interval"]
-        assert f"{figures['auroc']:.3f} [{low:.3f}, {high:.3f}]" in part
-        gap = figures["differences"]["MLP-O"]["brier"]
-        assert f"{gap['difference']:+.3f} [" in part
-        assert "| good minus MLP-O" in part
-        assert "| a perfect forecaster" in part
-    widths = {line.count("|") for line in text.splitlines() if line.startswith("| good  ")}
-    assert widths == {7}
+def test_progress_ends_with_all_protocols() -> None:
+    seen: list[tuple[float, str]] = []
+    every = all_forecasts(("random_split", "unseen_scenes"))
+    evaluate(every, bootstrap=BOOTSTRAP, progress=lambda *done: seen.append(done))
+    assert [share for share, _ in seen] == [0.0, 0.5, 1.0]
+    assert "unseen scenes" in seen[1][1]

@@ -63,7 +63,7 @@ def test_needed_trials_where_all_succeed_and_where_none_would_do() -> None:
     assert needed_trials(1.0, rate=0.9, confidence=0.9) == 22  # 0.9 ** 22 < 0.1 < 0.9 ** 21
     assert needed_trials(0.9, rate=0.9, confidence=0.9) is None
     assert needed_trials(0.5, rate=0.9, confidence=0.9) is None
-    assert needed_trials(0.91, rate=0.9, confidence=0.9, most=50) is None
+    assert needed_trials(0.91, rate=0.9, confidence=0.9, max_trials=50) is None
 
 
 def test_an_interval_of_zeros_and_ones_is_clopper_pearsons() -> None:

@@ -1,7 +1,8 @@
-"""Promises as files: read as they were written, and refused when damaged."""
+"""Certificates as files: read as they were written, and refused when damaged."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 import graspcast
-from graspcast.errors import FormatError, UnknownNameError
+from graspcast.errors import FormatError, MismatchError, UnknownNameError
 from graspcast.guarantees.certificate import OVERALL, Certificate
 from graspcast.guarantees.certify import certify
 from worlds import ASKED, World, drawn
@@ -24,7 +25,9 @@ def certificate() -> Certificate:
     )
 
 
-def test_promises_are_read_as_they_were_written(certificate: Certificate, tmp_path: Path) -> None:
+def test_certificates_are_read_as_they_were_written(
+    certificate: Certificate, tmp_path: Path
+) -> None:
     certificate.save(tmp_path / "p.json")
     assert Certificate.load(tmp_path / "p.json") == certificate
     assert certificate.overall.scope == OVERALL
@@ -37,18 +40,18 @@ def test_promises_are_read_as_they_were_written(certificate: Certificate, tmp_pa
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (["format"], 99, "format 99"),
+        (["format"], 1, "format 1, not 2; certify again"),
         (["weight"], "moon", "unknown weight 'moon'"),
         (["rate"], "x", "certify again"),
-        (["guarantees"], [], "overall promise is not the first"),
+        (["guarantees"], [], "overall guarantee is not the first"),
         (["guarantees", 0, "threshold"], 1.5, "not between 0 and 1"),
         (["guarantees", 0, "units"], -1, "not a whole number"),
-        (["guarantees", 0, "scope"], "d-1", "overall promise is not the first"),
+        (["guarantees", 0, "scope"], "d-1", "overall guarantee is not the first"),
         (["sequence", "thresholds"], [0.1], "one weight for each"),
         (["sequence"], None, "certify again"),
     ],
 )
-def test_damaged_promise_files_are_refused(
+def test_damaged_certificates_are_refused(
     certificate: Certificate, tmp_path: Path, path: list[str | int], value: object, message: str
 ) -> None:
     content = json.loads(json.dumps(certificate.as_dict()))
@@ -62,7 +65,7 @@ def test_damaged_promise_files_are_refused(
         Certificate.load(file)
 
 
-def test_every_entry_of_a_promise_file_is_needed(certificate: Certificate, tmp_path: Path) -> None:
+def test_every_entry_of_a_certificate_is_needed(certificate: Certificate, tmp_path: Path) -> None:
     file = tmp_path / "p.json"
     whole = json.loads(json.dumps(certificate.as_dict()))
     for key in whole:
@@ -74,3 +77,13 @@ def test_every_entry_of_a_promise_file_is_needed(certificate: Certificate, tmp_p
         file.write_text(json.dumps({**whole, "guarantees": [one]}))
         with pytest.raises(FormatError, match=key):
             Certificate.load(file)
+
+
+def test_it_belongs_to_one_model_and_one_ood_alpha(certificate: Certificate) -> None:
+    with pytest.raises(MismatchError, match="made for another model"):
+        certificate.check_belongs_to("0", 0.01)
+    mine = dataclasses.replace(certificate, provenance={"model": "0", "ood_alpha": 0.01})
+    mine.check_belongs_to("0", 0.01)
+    with pytest.raises(MismatchError, match=r"with ood_alpha 0\.01, not 0\.05") as caught:
+        mine.check_belongs_to("0", 0.05)
+    assert caught.value.parameters == ("ood_alpha",)

@@ -1,4 +1,4 @@
-"""The drift monitor: false alarms, delays, the arithmetic of its stakes, and its state on disk."""
+"""The drift monitor: false alarms, delays, its e-value, and its file."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from graspcast.guarantees.drift_monitor import DriftMonitor
 ENV = {**os.environ, "PYTHONPATH": str(Path(graspcast.__file__).parents[1])}
 
 
-def stake(monitor: DriftMonitor, outcomes: list[bool]) -> float:
-    """The definition, term by term: a stake begun at s is the likelihood ratio from s on."""
+def e_value(monitor: DriftMonitor, outcomes: list[bool]) -> float:
+    """The definition, term by term: a bet that starts at s has the likelihood ratio from s on."""
     n, r = len(outcomes), monitor.rate
-    total = 1.0 / (n + 1)  # what is not put in yet
+    total = 1.0 / (n + 1)  # not yet bet
     for q in monitor.alternatives:
         for s in range(1, n + 1):
             ratio = math.prod(q / r if y else (1 - q) / (1 - r) for y in outcomes[s - 1 :])
@@ -35,41 +35,41 @@ def stake(monitor: DriftMonitor, outcomes: list[bool]) -> float:
 
 
 @given(st.lists(st.booleans(), max_size=40), st.floats(0.05, 0.99))
-def test_the_stake_is_its_definition(outcomes: list[bool], rate: float) -> None:
+def test_the_e_value_is_its_definition(outcomes: list[bool], rate: float) -> None:
     monitor = DriftMonitor(rate)
     for success in outcomes:
         monitor.observe(success)
-    assert monitor.log_evidence == pytest.approx(math.log(stake(monitor, outcomes)), abs=1e-9)
+    assert monitor.log_e_value == pytest.approx(math.log(e_value(monitor, outcomes)), abs=1e-9)
 
 
 @pytest.mark.parametrize("rate", [0.6, 0.9])
 @pytest.mark.parametrize("truth", ["at the rate", "above it"])
-def test_no_bet_is_in_favour_while_the_promise_holds(rate: float, truth: str) -> None:
-    # The expected stake over all outcomes of eight trials, exactly: 1 at the rate, less above it.
+def test_the_expected_e_value_is_at_most_one_while_the_rate_holds(rate: float, truth: str) -> None:
+    # The expected e-value over all outcomes of eight trials, exactly: 1 at the rate, less above it.
     p = rate if truth == "at the rate" else (1 + rate) / 2
     expected = 0.0
     for outcomes in product([False, True], repeat=8):
         monitor = DriftMonitor(rate)
         for success in outcomes:
             monitor.observe(success)
-        expected += math.prod(p if y else 1 - p for y in outcomes) * monitor.evidence
+        expected += math.prod(p if y else 1 - p for y in outcomes) * monitor.e_value
     assert expected == pytest.approx(1.0) if truth == "at the rate" else expected < 1.0
 
 
 @pytest.mark.parametrize("most", [None, 5])
-def test_units_are_weighed_fairly(most: int | None) -> None:
+def test_the_expected_e_value_of_units_is_one(most: int | None) -> None:
     # Units of which half hold all five attempts, half their only one with 0.8: by attempts the
     # rate is (5 + 0.8) / 6, by units 0.9. Each kind of monitor is fair to its own rate.
     rate = 0.9 if most is None else 5.8 / 6
     kinds = [((5, 5), 0.5), ((1, 1), 0.4), ((1, 0), 0.1)]
     expected = 0.0
     for units in product(kinds, repeat=3):
-        monitor = DriftMonitor(rate, most_attempts=most)
+        monitor = DriftMonitor(rate, max_attempts_per_unit=most)
         for i, ((attempts, held), _) in enumerate(units):
             for j in range(attempts):
                 monitor.observe(j < held, unit=f"s{i}")
-        monitor.close()
-        expected += math.prod(chance for _, chance in units) * monitor.evidence
+        monitor.close_unit()
+        expected += math.prod(chance for _, chance in units) * monitor.e_value
     assert expected == pytest.approx(1.0)
 
 
@@ -82,7 +82,7 @@ def alarms(streams: np.ndarray, unit: int | None = None) -> float:
         monitor = DriftMonitor(0.9, 0.1)
         for i, success in enumerate(stream.tolist()):
             monitor.observe(success, None if unit is None else str(i // unit))
-        count += monitor.close()
+        count += monitor.close_unit()
     return count / len(streams)
 
 
@@ -93,7 +93,7 @@ ALLOWED = 0.1 + 3 * math.sqrt(0.1 * 0.9 / 100)
 def test_false_alarms_are_as_rare_as_stated() -> None:
     rng = np.random.default_rng(0)
     assert alarms(rng.random((100, 400)) < 0.9) <= ALLOWED
-    # The rate may wander above the promised one, and depend on what has happened.
+    # The rate may wander above the guaranteed one, and depend on what has happened.
     wandering = 0.9 + 0.1 * (np.sin(np.arange(400) / 20) > 0)
     assert alarms(rng.random((100, 400)) < wandering) <= ALLOWED
 
@@ -106,7 +106,7 @@ def test_scenes_that_fail_as_a_whole_are_one_observation() -> None:
     assert alarms(scenes) > 2 * ALLOWED
 
 
-def test_a_broken_promise_is_found_out() -> None:
+def test_a_lower_rate_is_detected() -> None:
     rng = np.random.default_rng(0)
     for before, after, within in ((0, 0.7, 150), (0, 0.5, 50), (400, 0.6, 150)):
         late = 0
@@ -128,14 +128,14 @@ def test_an_alarm_stays_until_the_restart() -> None:
     for _ in range(500):
         assert monitor.observe(True)
     assert monitor.alarm_at == at
-    assert monitor.evidence < 1 / monitor.alpha <= monitor.evidence_peak
+    assert monitor.e_value < 1 / monitor.alpha <= monitor.max_e_value
     monitor.restart()
     assert monitor == DriftMonitor(0.9, restarts=1)
 
 
 @settings(max_examples=50)
 @given(st.lists(st.tuples(st.booleans(), st.sampled_from("ab")), max_size=40), st.integers(0, 40))
-def test_going_on_from_a_file_changes_nothing(
+def test_resuming_from_a_file_changes_nothing(
     tmp_path_factory: pytest.TempPathFactory, outcomes: list[tuple[bool, str]], cut: int
 ) -> None:
     path = tmp_path_factory.mktemp("state") / "m.json"
@@ -153,7 +153,7 @@ def test_going_on_from_a_file_changes_nothing(
     assert resumed == straight
 
 
-def test_a_killed_robot_leaves_a_whole_state(tmp_path: Path) -> None:
+def test_a_killed_process_leaves_a_complete_state(tmp_path: Path) -> None:
     path = tmp_path / "m.json"
     code = (
         "import sys; from graspcast import DriftMonitor; m = DriftMonitor(0.9)\n"
@@ -178,7 +178,7 @@ def test_a_killed_robot_leaves_a_whole_state(tmp_path: Path) -> None:
     [
         ({"rate": 0.0}, "rate should be above 0"),
         ({"rate": 0.9, "alpha": 1.0}, "alpha should be above 0 and below 1"),
-        ({"rate": 0.9, "most_attempts": 0}, "1 or more"),
+        ({"rate": 0.9, "max_attempts_per_unit": 0}, "1 or more"),
     ],
 )
 def test_bad_settings_are_refused(options: dict[str, float], message: str) -> None:
@@ -187,7 +187,7 @@ def test_bad_settings_are_refused(options: dict[str, float], message: str) -> No
 
 
 def test_a_unit_with_too_many_attempts_is_refused() -> None:
-    monitor = DriftMonitor(0.9, most_attempts=2)
+    monitor = DriftMonitor(0.9, max_attempts_per_unit=2)
     monitor.observe(True, "a")
     monitor.observe(True, "a")
     monitor.observe(True, "b")
@@ -201,13 +201,13 @@ def test_a_unit_with_too_many_attempts_is_refused() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": 9}, "format 9"),
+        ({"format": 1}, "format 1, not 2; start a new one"),
         ({"trials": -1}, "whole numbers"),
         ({"trials": 1.5}, "whole numbers"),
-        ({"log_stakes": [0.0]}, "8 stakes"),
-        ({"log_stakes": "x"}, "not a whole monitor's state"),
+        ({"log_wealth": [0.0]}, "8 entries"),
+        ({"log_wealth": "x"}, "not a complete monitor state"),
         ({"rate": 2.0}, "rate should be"),
-        ({"rate": None}, "not a whole monitor's state"),
+        ({"rate": None}, "not a complete monitor state"),
     ],
 )
 def test_damaged_states_are_refused(

@@ -1,4 +1,4 @@
-"""In which order thresholds are tested, and what that may depend on."""
+"""The order in which thresholds are tested, and what it depends on."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from graspcast.errors import InputError
 from graspcast.guarantees.threshold_sequence import (
     ThresholdSequence,
     default_sequence,
-    explore,
     learn_sequence,
+    split_sequence,
 )
 from worlds import ASKED, World, drawn
 
@@ -34,20 +34,20 @@ def test_a_learned_sequence_starts_where_the_test_will_likely_pass() -> None:
     assert more.thresholds == sequence.thresholds
 
 
-def test_units_that_are_spent_on_the_sequence_do_not_certify() -> None:
+def test_units_that_the_sequence_is_learned_from_do_not_certify() -> None:
     probability, success, units = drawn(World(100, 4), 0)
     options = {"seed": 0, "weight": "attempt", **ASKED}
-    sequence, kept = explore(probability, success, units, spend=0.25, **options)
+    sequence, kept = split_sequence(probability, success, units, share=0.25, **options)
     assert len(np.unique(units[kept])) == 75
     assert not set(units[kept]) & set(units[~kept])
     # Outcomes of those that remain take no part in the sequence.
     flipped = np.where(kept, ~success, success)
-    assert explore(probability, flipped, units, spend=0.25, **options)[0] == sequence
-    default, everything = explore(probability, success, units, spend=0.0, **options)
+    assert split_sequence(probability, flipped, units, share=0.25, **options)[0] == sequence
+    default, everything = split_sequence(probability, success, units, share=0.0, **options)
     assert default == default_sequence(0.9)
     assert everything.all()
-    with pytest.raises(InputError, match="leaves a side without any"):
-        explore(probability, success, units, spend=1.0, **options)
+    with pytest.raises(InputError, match="leaves one of the two parts empty"):
+        split_sequence(probability, success, units, share=1.0, **options)
 
 
 @pytest.mark.parametrize(

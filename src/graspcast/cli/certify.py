@@ -1,4 +1,4 @@
-"""The verb ``certify``: a threshold with a certified success rate."""
+"""The verb ``certify``: a threshold with a guaranteed success rate."""
 
 from __future__ import annotations
 
@@ -20,10 +20,8 @@ from graspcast.cli.options import (
     share,
     write_json,
 )
-from graspcast.errors import MismatchError
 
 if TYPE_CHECKING:
-    from graspcast.forecasting.model_card import ModelCard
     from graspcast.guarantees.certificate import Certificate, Guarantee
 
 __all__ = ["add"]
@@ -35,192 +33,146 @@ def add(verbs: Verbs) -> None:
         verbs,
         "certify",
         _certify,
-        "a threshold with a promised success rate",
-        "Find the threshold at which attempted grasps succeed at a wanted rate, with a stated\n"
-        "confidence, from outcomes that took no part in training; or say that none can be\n"
-        "certified, and how much data would be needed. Scenes (or images) are what is taken to\n"
-        "be independent: the trials within one bear evidence together.",
+        "a threshold with a guaranteed success rate",
+        "Find the threshold at which attempted grasps succeed at a given rate, with a given\n"
+        "confidence, from outcomes that were not used in training. If there is none, say how\n"
+        "much data would be needed. Scenes (or images) are assumed to be independent; the trials\n"
+        "within one need not be.",
     )
     add_inputs(verb)
     verb.add_argument("--model", metavar="PATH", type=Path, required=True, help="from train")
     add_outcomes(verb, required=True)
+    _add_guarantee_options(verb)
+    verb.add_argument("--seed", metavar="N", type=int, default=0, help="of the draws")
+    verb.add_argument(
+        "--allow-training-scenes",
+        action="store_true",
+        help="certify though the model was trained on some of the scenes; the guarantee is then "
+        "invalid",
+    )
+    add_out(verb, "the certificate (JSON)")
+    add_json(verb)
+
+
+def _add_guarantee_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--rate", metavar="P", type=share, default=0.9, help="default: 0.9")
     verb.add_argument("--confidence", metavar="P", type=share, default=0.9, help="default: 0.9")
     verb.add_argument(
         "--unit",
         choices=("scene", "image"),
         default="scene",
-        help="what is drawn anew, independently (default: scene; images of a video are not)",
+        help="the independent unit (default: scene; images of a video are not independent)",
     )
     verb.add_argument(
         "--weight",
         choices=("attempt", "unit"),
         default="attempt",
-        help="whether every attempt counts (default), or every unit with attempts, which needs "
-        "fewer units and promises less",
+        help="weight all attempts equally (default), or all units that have any, which needs "
+        "fewer units and guarantees less",
     )
     add_ood_alpha(
-        verb, "as for predict: so unusual a disagreement is not attempted (default: 0.01)"
+        verb,
+        "as for predict: what is out of distribution is not attempted (default: 0.01)",
     )
-    verb.add_argument("--per-object", action="store_true", help="a promise for each object too")
+    verb.add_argument("--per-object", action="store_true", help="certify each object too")
     verb.add_argument(
         "--simultaneous",
         action="store_true",
-        help="all promises hold together with this confidence, not each alone",
+        help="all guarantees hold together with this confidence, not each individually",
     )
     verb.add_argument(
-        "--others",
+        "--other-guarantees",
         metavar="N",
         type=count,
         default=0,
-        help="with --simultaneous: so many promises of other runs (other grippers) belong to them",
+        help="with --simultaneous: number of guarantees of other runs (other grippers) that are "
+        "to hold together with these (default: 0)",
     )
     verb.add_argument(
-        "--explore",
+        "--sequence-share",
         metavar="SHARE",
         type=share,
         default=0.0,
-        help="spend this share of the units on where testing should start (default: 0; it starts "
-        "where the model's forecasts of training scenes kept apart say, or around the target rate)",
+        help="use this share of the units only to learn at which threshold testing starts "
+        "(default: 0: learn it from the model's out-of-fold predictions, or start around the "
+        "target rate)",
     )
-    verb.add_argument("--seed", metavar="N", type=int, default=0, help="of the draws")
-    verb.add_argument(
-        "--allow-training-scenes",
-        action="store_true",
-        help="go on though the model has seen some of the scenes; the promise then means nothing",
-    )
-    add_out(verb, "the promise's file (JSON)")
-    add_json(verb)
 
 
 def _certify(options: argparse.Namespace) -> None:
-    import platform
-
-    import numpy as np
-
-    from graspcast._version import __version__
-    from graspcast.estimates.instances import unit_names
     from graspcast.estimates.loading import load_outcomes
+    from graspcast.evaluation.certification import certify_forecaster
     from graspcast.forecasting.forecaster import Forecaster
     from graspcast.forecasting.training_data import TrainingData
-    from graspcast.guarantees.certify import certify
-    from graspcast.guarantees.threshold_sequence import explore, learn_sequence
 
     forecaster = Forecaster.load(options.model)
     card = forecaster.card
     inputs = inputs_of(options)
     estimates = inputs.estimates(card.principal)
     outcomes = load_outcomes(options.outcomes, estimates.estimators)
-    samples = TrainingData.join(estimates, outcomes, card.principal, card.gripper).tried()
+    data = TrainingData.join(estimates, outcomes, card.principal, card.gripper)
     note(*inputs.notes)
-    if untried := len(estimates) - len(samples):
+    if untried := int((~data.is_tried).sum()):
         note(f"left out {untried} instances without an outcome")
-    success = samples.own_success == 1
-    scenes = unit_names(samples.estimates.instances, "scene")
-    _check_unseen(card, set(scenes.tolist()), options.allow_training_scenes)
-    probability = forecaster.probability(samples.estimates, inputs.models)
-    # What a verdict would abstain from is no attempt here either.
-    probability[forecaster.p_value(samples.estimates) <= options.ood_alpha] = 0.0
-    units = unit_names(samples.estimates.instances, options.unit)
-    objects = samples.objects if options.per_object else None
-    settings = {"rate": options.rate, "confidence": options.confidence, "weight": options.weight}
-    out_of_fold = getattr(forecaster.predictor, "out_of_fold", None)
-    if options.explore or out_of_fold is None:
-        sequence, kept = explore(
-            probability,
-            success,
-            units,
-            spend=options.explore,
-            seed=options.seed,
-            **settings,
-        )
-    else:
-        kept = np.ones(len(units), dtype=bool)
-        sequence = learn_sequence(
-            out_of_fold.probability,
-            out_of_fold.success,
-            out_of_fold.units(options.unit),
-            calibration_units=len(np.unique(units)),
-            **settings,
-        )
-    certificate = certify(
-        probability[kept],
-        success[kept],
-        units[kept],
-        objects=None if objects is None else objects[kept],
-        sequence=sequence,
+    certificate = certify_forecaster(
+        forecaster,
+        data,
+        rate=options.rate,
+        confidence=options.confidence,
+        unit=options.unit,
+        weight=options.weight,
+        models=inputs.models,
+        ood_alpha=options.ood_alpha,
+        per_object=options.per_object,
         simultaneous=options.simultaneous,
-        others=options.others,
+        other_guarantees=options.other_guarantees,
+        sequence_share=options.sequence_share,
         seed=options.seed,
-        provenance={
-            "model": card.digest,
-            "ood_alpha": options.ood_alpha,
-            "principal": card.principal,
-            "gripper": card.gripper,
-            "unit": options.unit,
-            "versions": {
-                "graspcast": __version__,
-                "python": platform.python_version(),
-                "numpy": np.__version__,
-            },
-        },
-        **settings,
+        allow_training_scenes=options.allow_training_scenes,
     )
+    seen = certificate.provenance["training_scenes"]
+    if seen is None:
+        note("the model does not state its training scenes; make sure that these are others")
+    elif seen:
+        note(f"the model was trained on {seen} calibration scenes: the guarantee is invalid")
     certificate.save(options.out)
     write_json(options.json, certificate.as_dict())
-    _print_promises(certificate, options.unit)
+    _print_guarantees(certificate, options.unit)
     print_text(f"{options.out}: {certificate.overall}")
 
 
-def _check_unseen(card: ModelCard, scenes: set[str], allowed: bool) -> None:
-    trained = getattr(card, "scenes", ())
-    if not trained:
-        note(
-            "the model does not say which scenes it was trained on: that these are others is yours"
-        )
-        return
-    seen = sorted(scenes & set(trained))
-    if not seen:
-        return
-    some = ", ".join(seen[:5]) + (", ..." if len(seen) > 5 else "")
-    if not allowed:
-        raise MismatchError(
-            f"the model was trained on {len(seen)} of the {len(scenes)} calibration scenes "
-            f"({some}); give outcomes of others (or --allow-training-scenes, and promise nothing)"
-        )
-    note(f"{len(seen)} calibration scenes were trained on ({some}): the promise means nothing")
-
-
-def _print_promises(certificate: Certificate, unit: str) -> None:
+def _print_guarantees(certificate: Certificate, unit: str) -> None:
     together = (
-        f"all {certificate.family} together"
-        if certificate.family > 1
-        else "each promise for itself"
+        f"all {certificate.family_size} together"
+        if certificate.family_size > 1
+        else "each individually"
     )
     title = (
         f"success rate >= {certificate.rate:g}, confidence {certificate.confidence:g} ({together})"
     )
-    header = ["attempts", "threshold", "shown at", f"{unit}s", "with one drawn", "succeeded"]
-    header += ["lower bound", "attempted", "interval", "of these held", f"{unit}s needed"]
-    print_table(title, header, [_row(p) for p in certificate.guarantees])
+    header = ["scope", "threshold", "reported at", f"{unit}s", "drawn attempts", "succeeded"]
+    header += ["lower bound", "attempt rate", "interval", "success rate", f"{unit}s needed"]
+    print_table(title, header, [_row(g) for g in certificate.guarantees])
 
 
 def _row(guarantee: Guarantee) -> list[str]:
-    low, high = guarantee.attempt_interval
-    held = f"{guarantee.attempts_held / guarantee.attempts:.3f}" if guarantee.attempts else "-"
+    low, high = guarantee.attempt_rate_interval
+    success_rate = "-"
+    if guarantee.attempts:
+        success_rate = f"{guarantee.successful_attempts / guarantee.attempts:.3f}"
     needed = "-"
     if guarantee.threshold is None:
-        needed = "never" if guarantee.needed_units is None else str(guarantee.needed_units)
+        needed = "> 10,000" if guarantee.needed_units is None else str(guarantee.needed_units)
     return [
         guarantee.scope,
         "none" if guarantee.threshold is None else f"{guarantee.threshold:.3f}",
-        f"{guarantee.shown_at:.3f}",
+        f"{guarantee.reported_threshold:.3f}",
         str(guarantee.units),
-        str(guarantee.attempted_units),
-        str(guarantee.successes),
-        f"{guarantee.lower:.3f}",
+        str(guarantee.drawn_attempts),
+        str(guarantee.drawn_successes),
+        f"{guarantee.lower_bound:.3f}",
         f"{guarantee.attempt_rate:.3f}",
         f"{low:.3f}-{high:.3f}",
-        held,
+        success_rate,
         needed,
     ]

@@ -1,4 +1,4 @@
-"""The verb ``compare``: which estimator should be the principal, what each supporter is worth."""
+"""The verb ``compare``: which estimator should be the principal, and which supporters help."""
 
 from __future__ import annotations
 
@@ -20,10 +20,8 @@ from graspcast.cli.options import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from graspcast.estimates.loading import Inputs
-    from graspcast.evaluation.estimator_comparison import Comparison, Judged
+    from graspcast.evaluation.estimator_comparison import Comparison, SupporterComparison
     from graspcast.evaluation.paired_differences import PairedDifference
-    from graspcast.forecasting.training_data import TrainingData
 
 __all__ = ["add"]
 
@@ -34,7 +32,7 @@ _TITLES = {
     "success_at_50": "50 %",
     "success_at_70": "70 %",
     "success_at_90": "90 %",
-    "success": "all",
+    "success": "100 %",
 }
 
 
@@ -44,10 +42,11 @@ def add(verbs: Verbs) -> None:
         verbs,
         "compare",
         _compare,
-        "which estimator should be principal, and what each supporter is worth",
-        "Forecast, for each estimator that has outcomes as the principal, every instance by\n"
-        "a forecaster that saw nothing of its scene: with all supporters, without each, and with\n"
-        "each alone. Differences have 95 % intervals from draws of scenes with replacement.\n\n"
+        "which estimator should be principal, and which supporters help",
+        "Cross-validate forecasts with each estimator that has outcomes as the principal: with\n"
+        "all supporters, without each, and with each alone. No forecaster is trained on the scene\n"
+        "of the instances that it forecasts. Differences have 95 % intervals from a bootstrap\n"
+        "over scenes.\n\n"
         "Forests are smaller than those of train and are not calibrated, to save time.",
     )
     add_inputs(verb)
@@ -61,25 +60,31 @@ def add(verbs: Verbs) -> None:
         metavar="N",
         type=positive,
         default=5,
-        help="parts that scenes are dealt into, 2 or more (default: 5)",
+        help="folds of scenes, 2 or more (default: 5)",
     )
     verb.add_argument(
         "--bootstrap",
         metavar="N",
         type=positive,
         default=1000,
-        help="draw the scenes so often (default: 1000)",
+        help="number of draws of scenes (default: 1000)",
     )
     verb.add_argument("--seed", metavar="N", type=int, default=0, help="of everything random")
     add_json(verb)
 
 
 def _compare(options: argparse.Namespace) -> None:
+    from graspcast.estimates.loading import load_outcomes
     from graspcast.evaluation.estimator_comparison import compare
+    from graspcast.evaluation.principal_forecasts import principal_training_data
+    from graspcast.evaluation.recommendation import recommendation
     from graspcast.forecasting.models.blend import ForestSettings
 
     inputs = inputs_of(options)
-    training_data = _lessons(options, inputs)
+    # Before outcomes are read: two estimators are needed, whatever the outcomes are.
+    estimators = inputs.estimates().estimators
+    outcomes = load_outcomes(options.outcomes, estimators)
+    training_data = principal_training_data(inputs, outcomes, options.gripper)
     note(*inputs.notes)
     with progress_bar("cross-validating") as move:
         found = compare(
@@ -91,102 +96,76 @@ def _compare(options: argparse.Namespace) -> None:
             bootstrap=options.bootstrap,
             progress=move,
         )
+    text = recommendation(found)
     _print(found)
-    write_json(options.json, {"compare": found.as_dict()})
-
-
-def _lessons(options: argparse.Namespace, inputs: Inputs) -> list[TrainingData]:
-    """Those of each estimator that has outcomes with the gripper."""
-    from graspcast.errors import MismatchError, UnknownNameError
-    from graspcast.estimates.loading import load_outcomes
-    from graspcast.forecasting.training_data import TrainingData
-
-    # Before outcomes are read: a consensus takes two, whatever they say.
-    names = inputs.estimates().estimators
-    outcomes = load_outcomes(options.outcomes, names)
-    grippers = outcomes["gripper"].unique().sort().to_list()
-    if options.gripper not in grippers:
-        raise UnknownNameError("gripper", options.gripper, grippers, hint="These have outcomes")
-    found = []
-    for name in names:
-        estimates = inputs.estimates(name)
-        truth = inputs.truth(estimates, name)
-        try:
-            learned = TrainingData.join(estimates, outcomes, name, options.gripper, truth=truth)
-            untried = int((~learned.is_tried).sum())
-        except MismatchError as error:
-            inputs.notes.append(f"{error}: it is a supporter only")
-            continue
-        if untried:
-            inputs.notes.append(f"{untried} instances have no outcome of {name}")
-        found.append(learned)
-    if not found:
-        raise MismatchError(
-            f"no instance has an outcome of {', '.join(names)} with the {options.gripper} gripper; "
-            "are the outcomes of the same dataset and scenes as the estimates?"
-        )
-    return found
+    print_text(f"{text}.")
+    write_json(options.json, {"compare": {**found.as_dict(), "recommendation": text}})
 
 
 def _print(found: Comparison) -> None:
-    from graspcast.evaluation.paired_differences import STANDING
+    from graspcast.evaluation.paired_differences import CRITERION, PRINCIPAL_MEASURES
 
-    for judged in found.principals.values():
-        _print_principal(judged, found.gripper)
-    if len(found.standings) > 1:
+    for principal in found.principals.values():
+        _print_principal(principal, found.gripper)
+    if len(found.common_scores) > 1:
         rows = []
         best, *_ = found.ranking
         for name in found.ranking:
-            row = [name, *_figures(found.standings[name], STANDING)]
-            rows.append(
-                [*row, "-" if name == best else format(found.ahead[best, name]["aurc"], "+")]
-            )
+            row = [name, *_cells(found.common_scores[name], PRINCIPAL_MEASURES)]
+            better = "-" if name == best else f"{found.improvement[best, name][CRITERION]:+}"
+            rows.append([*row, better])
         print_table(
             f"principals on the {found.common} instances tried with each, of {found.scenes} scenes",
-            ["principal", *(_TITLES[name] for name in STANDING), f"{best} is better by (AURC)"],
+            [
+                "principal",
+                *(_TITLES[name] for name in PRINCIPAL_MEASURES),
+                f"improvement by {best} (AURC)",
+            ],
             rows,
         )
     settings = found.settings
     print_text(
-        "AURC: share of attempts that fail, over all attempt rates alike. 50, 70, 90 %: success "
-        "rate of that most probable share.\nIn brackets: 95 % intervals, "
-        f"{settings['bootstrap']} draws of scenes; there are few, so intervals are rather too "
-        f"narrow. Forests of {settings['forests']['trees']} trees, not calibrated.\n"
+        "AURC: failure rate of attempts, averaged over all attempt rates. 50, 70, 90, 100 %: "
+        "success rate of that share with the highest probabilities.\nIn brackets: 95 % intervals, "
+        f"{settings['bootstrap']} draws of scenes; with few scenes they are somewhat too narrow. "
+        f"Forests of {settings['forests']['trees']} trees, not calibrated.\n"
     )
-    print_text(f"{found.recommendation}.")
 
 
-def _print_principal(judged: Judged, gripper: str) -> None:
-    from graspcast.evaluation.paired_differences import FORECAST
+def _print_principal(found: SupporterComparison, gripper: str) -> None:
+    from graspcast.evaluation.paired_differences import FORECAST_MEASURES
 
-    rows = [["all", *_figures(judged.figures, FORECAST), "-", "-"]]
-    rows += _rows("without", judged.without)
+    rows = [["all", *_cells(found.scores, FORECAST_MEASURES), "-", "-"]]
+    rows += _rows("without", found.without)
     # Of two supporters, one without the other is it alone.
-    if len(judged.alone) > 2:
-        rows += _rows("only", judged.alone)
-    header = ["supporters", *(_TITLES[name] for name in FORECAST)]
-    lost = f"; {judged.unjudged} of objects in no other scene" if judged.unjudged else ""
+    if len(found.alone) > 2:
+        rows += _rows("only", found.alone)
+    header = ["supporters", *(_TITLES[name] for name in FORECAST_MEASURES)]
+    left_out = ""
+    if found.without_forecast:
+        left_out = f", without {found.without_forecast} of objects in no other scene"
     print_table(
-        f"{judged.principal} as principal, {gripper} gripper: {judged.n} instances of "
-        f"{judged.scenes} scenes{lost}; {judged.success:.3f} hold if all are attempted",
-        [*header, "all are better by (AURC)", "(AUROC)"],
+        f"{found.principal} as principal, {gripper} gripper: {found.n} instances of "
+        f"{found.scenes} scenes{left_out}; success rate {found.success_rate:.3f} if all are "
+        "attempted",
+        [*header, "improvement by all (AURC)", "(AUROC)"],
         rows,
     )
 
 
-def _rows(word: str, contrasts: Mapping[str, PairedDifference]) -> list[list[str]]:
-    from graspcast.evaluation.paired_differences import FORECAST
+def _rows(word: str, differences: Mapping[str, PairedDifference]) -> list[list[str]]:
+    from graspcast.evaluation.paired_differences import FORECAST_MEASURES
 
     return [
         [
             f"{word} {name}",
-            *_figures(contrast.figures, FORECAST),
-            format(contrast.gain["aurc"], "+"),
-            format(contrast.gain["auroc"], "+"),
+            *_cells(difference.scores, FORECAST_MEASURES),
+            f"{difference.improvement['aurc']:+}",
+            f"{difference.improvement['auroc']:+}",
         ]
-        for name, contrast in contrasts.items()
+        for name, difference in differences.items()
     ]
 
 
-def _figures(figures: Mapping[str, float], names: tuple[str, ...]) -> list[str]:
-    return [f"{figures[name]:.3f}" for name in names]
+def _cells(scores: Mapping[str, float], names: tuple[str, ...]) -> list[str]:
+    return [f"{scores[name]:.3f}" for name in names]

@@ -127,10 +127,11 @@ def _evaluate(options: argparse.Namespace) -> None:
     import time
     from dataclasses import asdict
 
+    from graspcast.evaluation.bootstrap import Bootstrap
     from graspcast.evaluation.methods import METHODS
     from graspcast.evaluation.net_benefit import Costs
     from graspcast.evaluation.protocols import PROTOCOLS
-    from graspcast.evaluation.report import Bootstrap, evaluate
+    from graspcast.evaluation.report import evaluate
     from graspcast.evaluation.run import forecast_all
     from graspcast.evaluation.tables import render_evaluation
     from graspcast.io.provenance import versions
@@ -155,8 +156,9 @@ def _evaluate(options: argparse.Namespace) -> None:
         forecasts = forecast_all(
             benchmark, methods, protocols, work=options.work, seed=options.seed, progress=move
         )
+        scores = evaluate(forecasts, costs=costs, bootstrap=bootstrap, progress=move)
     found = {
-        **evaluate(forecasts, costs=costs, bootstrap=bootstrap),
+        **scores,
         "protocols": {name: PROTOCOLS[name] for name in protocols},
         "methods": {n: (inspect.getdoc(m) or "").partition("\n")[0] for n, m in methods.items()},
         "settings": {name: repr(method) for name, method in methods.items()},

@@ -1,4 +1,4 @@
-"""The verb ``monitor``: whether a certificate still holds."""
+"""The verb ``monitor``: whether a guaranteed success rate still holds."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from graspcast.cli.console import note, print_text
 from graspcast.cli.options import (
     Verbs,
     add_json,
-    count,
     new_verb,
+    positive,
     share,
     write_json,
 )
@@ -25,44 +25,47 @@ def add(verbs: Verbs) -> None:
         verbs,
         "monitor",
         _monitor,
-        "whether a promise still holds in the field",
-        "Take in the outcomes of attempts in the field, in the order of the file, and raise an\n"
-        "alarm when the promised rate no longer holds. The file is a log that grows: what was\n"
-        "taken in before is skipped, so the command may be repeated, or killed, at any time.\n\n"
-        "Exit code: 0 no alarm, 3 alarm (which stays until --restart), 2 something is wrong.",
+        "whether a guaranteed success rate still holds",
+        "Read the outcomes of attempts, in the order of the file, and raise an alarm when the\n"
+        "guaranteed success rate no longer holds. The file is a log to which rows are appended;\n"
+        "rows that were read before are skipped, so the command can be repeated or interrupted.\n\n"
+        "Exit code: 0 no alarm, 3 alarm (which stays until --restart), 2 a mistake in the input.",
     )
     verb.add_argument(
         "--certificate", metavar="PATH", type=Path, required=True, help="from certify"
     )
     verb.add_argument(
-        "--state", metavar="PATH", type=Path, required=True, help="made if it is not there"
+        "--state",
+        metavar="PATH",
+        type=Path,
+        required=True,
+        help="the monitor's state; made if it does not exist",
     )
     verb.add_argument(
-        "--outcomes",
+        "--attempt-log",
         metavar="FILE",
         type=Path,
         required=True,
-        help="the log of attempted grasps: columns as those of trial outcomes, oldest first",
+        help="attempted grasps, oldest first, with the columns of trial outcomes",
     )
     verb.add_argument(
         "--alpha",
         metavar="P",
         type=share,
-        help="chance that there is ever a false alarm (default: 0.05, or the state's)",
+        help="probability of ever raising a false alarm (default: 0.05, or the state's)",
     )
-    verb.add_argument("--object", metavar="NAME", help="the promise of one object (lmo-5)")
+    verb.add_argument("--object", metavar="NAME", help="the guarantee for one object (lmo-5)")
     verb.add_argument(
-        "--most-attempts",
+        "--max-attempts-per-unit",
         metavar="N",
-        type=count,
-        help="units count by their attempts, of which none has more (default: all alike)",
+        type=positive,
+        help="weight units by their number of attempts, of which none has more (default: all "
+        "units equally)",
     )
     verb.add_argument(
-        "--close", action="store_true", help="the last unit of the log is over: weigh it too"
+        "--close-unit", action="store_true", help="the last unit of the log is complete: count it"
     )
-    verb.add_argument(
-        "--restart", action="store_true", help="forget evidence and alarm before going on"
-    )
+    verb.add_argument("--restart", action="store_true", help="reset evidence and alarm first")
     add_json(verb)
 
 
@@ -74,33 +77,34 @@ def _monitor(options: argparse.Namespace) -> int:
     guarantee = certificate.of(options.object or OVERALL)
     if guarantee.threshold is None:
         raise InputError(
-            f"{options.certificate}: promises nothing ({guarantee}); there is no rate to watch"
+            f"{options.certificate}: guarantees nothing ({guarantee}), so there is no rate to "
+            "monitor"
         )
-    log = MonitorState.open(
+    state = MonitorState.open(
         options.state,
         options.certificate,
         guarantee,
         alpha=options.alpha,
-        most_attempts=options.most_attempts,
+        max_attempts_per_unit=options.max_attempts_per_unit,
     )
+    monitor = state.monitor
     if options.restart:
-        log.monitor.restart()
-    by_unit = options.most_attempts is None and log.monitor.most_attempts is None
-    if certificate.weight == "attempt" and by_unit:
+        monitor.restart()
+    if certificate.weight == "attempt" and monitor.max_attempts_per_unit is None:
         note(
-            "every attempt counts in this promise; without --most-attempts, every unit counts alike"
+            "this guarantee weights all attempts equally; without --max-attempts-per-unit the "
+            "monitor weights all units equally"
         )
-    new = log.update(options.outcomes, certificate.provenance)
-    if options.close:
-        log.monitor.close()
-    log.save()
-    monitor = log.monitor
+    new = state.update(options.attempt_log, certificate.provenance)
+    if options.close_unit:
+        monitor.close_unit()
+    state.save()
     write_json(options.json, monitor.as_dict())
-    state = f"ALARM since attempt {monitor.alarm_at}" if monitor.alarm else "no alarm"
+    alarm = f"ALARM since attempt {monitor.alarm_at}" if monitor.alarm else "no alarm"
     rate = f"{monitor.successes / monitor.trials:.3f}" if monitor.trials else "-"
     print_text(
-        f"{guarantee.scope}: {state}. {new} new attempts, {monitor.trials} in all, {rate} of them "
-        f"held; {guarantee.rate:g} is promised. Evidence against it: {monitor.evidence:.3g} of the "
-        f"{1 / monitor.alpha:g} that raise an alarm (at most {monitor.evidence_peak:.3g} so far)"
+        f"{guarantee.scope}: {alarm}. {new} new attempts, {monitor.trials} in all, success rate "
+        f"{rate}; guaranteed: {guarantee.rate:g}. E-value {monitor.e_value:.3g} (at most "
+        f"{monitor.max_e_value:.3g} so far); the alarm is raised at {1 / monitor.alpha:g}"
     )
     return 3 if monitor.alarm else 0

@@ -1,1 +1,1 @@
-"""How good forecasts are: scores, protocols, comparisons with confidence intervals."""
+"""Evaluation of forecasts: scores with confidence intervals, comparisons, certification."""

@@ -1,194 +1,138 @@
-"""Which estimator should be the principal, and what each supporter is worth, by cross-validation.
+"""Comparison of pose estimators as principal, and of the supporters of each, by cross-validation.
 
-Every forecast compared here is of a scene that its forecaster has not seen. What decides is the
-area under the risk-coverage curve: the share of attempts that fail, averaged over all attempt
-rates. The other measures stand beside it, but one had to be fixed beforehand, lest the data choose
-the one that pleases.
+All forecasts are for scenes that the forecaster was not trained on. The criterion is the area under
+the risk-coverage curve (AURC): the failure rate of attempts, averaged over all attempt rates. It
+was chosen before the data were seen; the other measures are given beside it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
-from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
-from graspcast.estimates.instances import scene_groups
 from graspcast.evaluation.bootstrap import Interval
-from graspcast.evaluation.cross_validation import cross_validated
 from graspcast.evaluation.paired_differences import (
-    DECISIVE,
-    FORECAST,
-    STANDING,
-    Drawn,
+    CRITERION,
+    FORECAST_MEASURES,
+    PRINCIPAL_MEASURES,
     PairedDifference,
-    figures_of,
-    gains,
-    under_scenes,
+    ScoreDraws,
+    bootstrap_scores,
+    improvements,
+    original_scores,
 )
-from graspcast.evaluation.predictions import Forecasts
+from graspcast.evaluation.principal_forecasts import (
+    PrincipalForecasts,
+    common_rows,
+    forecast_principals,
+)
 from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.training_data import TrainingData
+from graspcast.io.progress import Progress
 
-__all__ = ["Comparison", "Judged", "compare"]
+__all__ = ["Comparison", "SupporterComparison", "compare"]
 
 
 @dataclass(frozen=True)
-class Judged:
-    """What is known of one principal and its supporters.
+class SupporterComparison:
+    """Scores of forecasts for one principal: with all supporters, without each, with each alone.
 
     Attributes
     ----------
     principal
         Its name.
     n
-        Instances with an outcome and forecasts.
-    unjudged
-        Instances whose object no other scene had, so that there is no forecast.
+        Number of instances with an outcome and forecasts.
+    without_forecast
+        Number of instances whose object is in no other scene, so that there is no forecast.
     scenes
-        Scenes (or blocks of frames) that they are of.
-    success
-        Success rate when every estimate is attempted.
-    figures
-        Each of :data:`FORECAST`, with all supporters.
+        Number of scenes (or blocks of frames).
+    success_rate
+        When every estimate is attempted.
+    scores
+        Each of :data:`FORECAST_MEASURES`, with all supporters.
     without
-        For each supporter, forecasts by the others; empty where there is only one.
+        By supporter, forecasts by all others; empty if there is only one supporter.
     alone
-        For each supporter, forecasts by it alone; empty where there is only one.
+        By supporter, forecasts by it alone; empty if there is only one supporter.
     """
 
     principal: str
     n: int
-    unjudged: int
+    without_forecast: int
     scenes: int
-    success: float
-    figures: Mapping[str, float]
+    success_rate: float
+    scores: Mapping[str, float]
     without: Mapping[str, PairedDifference]
     alone: Mapping[str, PairedDifference]
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """The answer of :func:`compare`.
+    """The result of :func:`compare`.
 
     Attributes
     ----------
     gripper
-        Whose outcomes they are.
+        With which the grasps were tried.
     estimators
         All estimators.
     principals
-        Those that have outcomes.
+        By name, those that have outcomes.
     common, scenes
-        Instances that were tried and forecast for every one of them, and how many scenes these are
-        of.
-    standings
-        Each principal's :data:`STANDING` on the common instances; empty if there are none.
-    ahead
-        For each ordered pair of principals by how much the first is better, in each of
-        :data:`STANDING`.
+        Number of instances that were tried and forecast for every principal, and of their scenes.
+    common_scores
+        Each principal's :data:`PRINCIPAL_MEASURES` on the common instances; empty if there are
+        none.
+    improvement
+        For each ordered pair of principals, how much better the first is in each of
+        :data:`PRINCIPAL_MEASURES`.
     settings
-        With what it was computed.
+        Of :func:`compare`.
     """
 
     gripper: str
     estimators: tuple[str, ...]
-    principals: Mapping[str, Judged]
+    principals: Mapping[str, SupporterComparison]
     common: int
     scenes: int
-    standings: Mapping[str, Mapping[str, float]]
-    ahead: Mapping[tuple[str, str], Mapping[str, Interval]]
+    common_scores: Mapping[str, Mapping[str, float]]
+    improvement: Mapping[tuple[str, str], Mapping[str, Interval]]
     settings: Mapping[str, Any]
 
     @property
     def ranking(self) -> tuple[str, ...]:
-        """Principals on the common instances, the best first."""
-        return tuple(sorted(self.standings, key=lambda name: self.standings[name][DECISIVE]))
-
-    @property
-    def recommendation(self) -> str:
-        """One sentence: the principal to take, how sure that is, and what supporters are worth."""
-        if not self.standings:
-            names = ", ".join(self.principals)
-            return (
-                f"No principal can be recommended, since no instance was tried with all of {names}"
-            )
-        best, *others = self.ranking
-        found = self.standings[best]
-        rates = " / ".join(f"{found[name]:.3f}" for name in STANDING[1:])
-        parts = [
-            f"Take {best} as principal: over all attempt rates alike {1 - found[DECISIVE]:.3f} of "
-            f"its grasps hold ({rates} at 50 / 70 / 90 / 100 % attempted)"
-        ]
-        if others:
-            by = self.ahead[best, others[0]][DECISIVE]
-            parts[0] += f", {by:+} against those of the next best, {others[0]}"
-            tied = [name for name in others if not self.ahead[best, name][DECISIVE].distinct]
-            if tied:
-                parts.append(f"the difference from {' and '.join(tied)} may be chance")
-            parts += filter(None, (self._more_at(name, best) for name in others))
-        else:
-            parts.append("no other principal has outcomes")
-        return "; ".join([*parts, *self._worth(self.principals[best])])
-
-    def _more_at(self, other: str, best: str) -> str:
-        """At which attempt rates the lesser principal's grasps hold more often all the same."""
-        mine, theirs = self.standings[best], self.standings[other]
-        rates = zip(("50", "70", "90", "100"), STANDING[1:], strict=True)
-        more = {rate: theirs[name] for rate, name in rates if theirs[name] > mine[name]}
-        values = " / ".join(f"{value:.3f}" for value in more.values())
-        return f"{other}'s hold more often at {' / '.join(more)} % ({values})" if more else ""
-
-    def _worth(self, judged: Judged) -> list[str]:
-        if not judged.without:
-            (only,) = (name for name in self.estimators if name != judged.principal)
-            return [f"{only} is its only supporter, without which there is no forecast"]
-        by = {name: found.gain[DECISIVE] for name, found in judged.without.items()}
-        kinds = {
-            "worth having": [name for name, gain in by.items() if gain.low > 0],
-            "worth not distinguishable from zero beside the others": [
-                name for name, gain in by.items() if not gain.distinct
-            ],
-            "better left out": [name for name, gain in by.items() if gain.high < 0],
-        }
-        return [
-            f"{kind}: " + ", ".join(f"{name} ({by[name]:+})" for name in names)
-            for kind, names in kinds.items()
-            if names
-        ]
+        """Principals by AURC on the common instances, the best first."""
+        scores = self.common_scores
+        return tuple(sorted(scores, key=lambda name: scores[name][CRITERION]))
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain numbers, for JSON; NaN becomes None."""
+        """Return plain numbers, for JSON; NaN becomes None."""
         principals = {}
-        for name, judged in self.principals.items():
-            principals[name] = asdict(judged)
+        for name, found in self.principals.items():
+            principals[name] = asdict(found)
             del principals[name]["principal"]
-        found = {
+        improvement: dict[str, dict[str, Any]] = {name: {} for name in self.common_scores}
+        for (better, worse), measures in self.improvement.items():
+            improvement[better][worse] = {name: asdict(each) for name, each in measures.items()}
+        out = {
             "gripper": self.gripper,
             "estimators": list(self.estimators),
             "principals": principals,
             "common": {
                 "n": self.common,
                 "scenes": self.scenes,
-                "principals": self.standings,
-                "ahead": {
-                    name: {
-                        other: {measure: asdict(gain) for measure, gain in better.items()}
-                        for (first, other), better in self.ahead.items()
-                        if first == name
-                    }
-                    for name in self.standings
-                },
+                "scores": self.common_scores,
+                "improvement": improvement,
             },
-            "recommendation": self.recommendation,
             "settings": self.settings,
         }
-        return {name: _plain(value) for name, value in found.items()}
+        return {name: _without_nan(value) for name, value in out.items()}
 
 
 def compare(
@@ -199,82 +143,65 @@ def compare(
     folds: int = 5,
     seed: int = 0,
     bootstrap: int = 1000,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Comparison:
-    """Compare principals, and the worth of the supporters of each.
+    """Compare principals, and sets of supporters of each.
 
-    Leaving a supporter out takes away its poses and what came of the grasps that it guided.
+    Without a supporter, forecasts lack its poses and the outcomes of grasps that it guided.
 
     Parameters
     ----------
-    lessons
-        Of each principal that has outcomes: the same estimators, one gripper.
+    training_data
+        Of each principal that has outcomes, with the same estimators and one gripper.
     models
         Dataset's name to its object models.
     forests
-        How forecasters are trained; by default with 64 trees, and not calibrated, since that would
-        train each of them several times.
+        Settings of the forecasters; by default 64 trees without calibration, which would train each
+        forecaster several times.
     folds
-        How many parts the scenes are dealt into.
+        Number of folds of scenes.
     seed
-        Of dealing scenes and of drawing them.
+        Of the folds and of the bootstrap.
     bootstrap
-        How often the scenes are drawn.
+        Number of draws of scenes.
     progress
-        Called with the share of the work that is done.
+        Called with the share that is done, from 0 to 1, and a short message.
 
     Raises
     ------
     InputError
-        For no lessons, fewer than two folds or one draw, or lessons too few to train.
+        For no training data, fewer than two folds or one draw, or too little data to train.
     MismatchError
-        If lessons are of different estimators or grippers, twice of one principal, or of fewer
-        scenes than folds.
+        If training data have different estimators or grippers, two have the same principal, or
+        there are fewer scenes than folds.
     """
     _check(training_data, folds, bootstrap)
     forests = forests or ForestSettings(trees=64, folds=0, seed=seed)
     options: dict[str, Any] = {"models": models, "forests": forests, "folds": folds, "seed": seed}
-    subsets = [_subsets(each.estimates.supporters(each.principal)) for each in training_data]
-    total = sum(map(len, subsets))
-    done = 0
-    found = []
-    for learned, wanted in zip(training_data, subsets, strict=True):
-        probability = {}
-        for supporters in wanted:
-
-            def step(share: float, _: str, before: int = done) -> None:
-                if progress is not None:
-                    progress((before + share) / total)
-
-            kept = [
-                name
-                for name in learned.estimates.estimators
-                if name == learned.principal or name in supporters
-            ]
-            probability[supporters] = cross_validated(learned.only(*kept), progress=step, **options)
-            done += 1
-        found.append(_Candidate.of(learned, probability))
-    common = _common(found)
-    standings: dict[str, Drawn] = {}
+    candidates = forecast_principals(training_data, progress=progress, **options)
+    common = common_rows(candidates)
+    drawn: dict[str, ScoreDraws] = {}
     scenes = 0
     if len(common[0]):
-        # Blocks of frames are cut for each principal alone; to be paired, all take the first's.
-        groups = found[0].every.scenes[common[0]]
+        # Blocks of frames are cut for each principal separately; to be paired, all use the first's.
+        groups = candidates[0].full.scenes[common[0]]
         scenes = len(np.unique(groups))
-        for each, rows in zip(found, common, strict=True):
-            shared = replace(each.every.select(rows), scenes=groups)
-            standings[each.principal] = under_scenes(shared, STANDING, bootstrap, seed)
+        for each, rows in zip(candidates, common, strict=True):
+            shared = replace(each.full.select(rows), scenes=groups)
+            drawn[each.principal] = bootstrap_scores(shared, PRINCIPAL_MEASURES, bootstrap, seed)
     return Comparison(
         gripper=training_data[0].gripper,
         estimators=training_data[0].estimates.estimators,
-        principals={each.principal: each.judged(bootstrap, seed) for each in found},
+        principals={
+            each.principal: _compare_supporters(each, bootstrap, seed) for each in candidates
+        },
         common=len(common[0]),
         scenes=scenes,
-        standings={name: figures_of(drawn) for name, drawn in standings.items()},
-        ahead={
-            (one, other): gains(standings[one], standings[other])
-            for one in standings
-            for other in standings
+        common_scores={name: original_scores(scores) for name, scores in drawn.items()},
+        improvement={
+            (one, other): improvements(drawn[one], drawn[other])
+            for one in drawn
+            for other in drawn
             if one != other
         },
         settings={
@@ -289,118 +216,52 @@ def compare(
 def _check(training_data: Sequence[TrainingData], folds: int, bootstrap: int) -> None:
     if not training_data or folds < 2 or bootstrap < 1:
         raise InputError(
-            f"{len(training_data)} principals, {folds} folds, {bootstrap} draws: there must be at "
-            "least one principal with outcomes, two folds, and one draw"
+            f"{len(training_data)} principals, {folds} folds, {bootstrap} draws: at least one "
+            "principal with outcomes, two folds and one draw are needed",
+            parameters=("outcomes", "folds", "bootstrap"),
         )
     first = training_data[0]
     principals = [each.principal for each in training_data]
     for each in training_data:
         if (each.gripper, each.estimates.estimators) != (first.gripper, first.estimates.estimators):
             raise MismatchError(
-                f"lessons of {first.principal} are of {', '.join(first.estimates.estimators)} and "
-                f"the {first.gripper} gripper, but those of {each.principal} of "
+                f"training data of {first.principal} have {', '.join(first.estimates.estimators)} "
+                f"and the {first.gripper} gripper, but those of {each.principal} have "
                 f"{', '.join(each.estimates.estimators)} and the {each.gripper} gripper"
             )
         if principals.count(each.principal) > 1:
-            raise MismatchError(f"there are lessons of {each.principal} twice")
+            raise MismatchError(f"there are two training data of {each.principal}")
 
 
-def _subsets(supporters: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """All supporters, all but one, and one alone."""
-    subsets = [supporters]
-    if len(supporters) > 1:
-        subsets += [tuple(n for n in supporters if n != without) for without in supporters]
-        subsets += [(name,) for name in supporters]
-    return list(dict.fromkeys(subsets))  # of two supporters, one without the other is it alone
+def _compare_supporters(
+    found: PrincipalForecasts, bootstrap: int, seed: int
+) -> SupporterComparison:
+    """Score all sets of supporters, and compare each with all supporters."""
+    drawn = {
+        names: bootstrap_scores(forecasts, FORECAST_MEASURES, bootstrap, seed)
+        for names, forecasts in found.forecasts.items()
+    }
+    full = drawn[found.supporters]
+
+    def difference(names: tuple[str, ...]) -> PairedDifference:
+        return PairedDifference(original_scores(drawn[names]), improvements(full, drawn[names]))
+
+    several = found.supporters if len(found.supporters) > 1 else ()
+    others = {name: tuple(n for n in found.supporters if n != name) for name in several}
+    return SupporterComparison(
+        principal=found.principal,
+        n=len(found.full),
+        without_forecast=found.without_forecast,
+        scenes=len(np.unique(found.full.scenes)),
+        success_rate=float(found.full.success.mean()),
+        scores=original_scores(full),
+        without={name: difference(names) for name, names in others.items()},
+        alone={name: difference((name,)) for name in several},
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    """One principal's instances that every set of supporters has a forecast of."""
-
-    principal: str
-    supporters: tuple[str, ...]
-    forecasts: Mapping[tuple[str, ...], Forecasts]
-    """By the supporters that they are made with; the instances are the same."""
-    unjudged: int
-    places: Mapping[tuple[str, int, int, int], int]
-    """Dataset, scene, image and object to the row, where the image has one such instance only:
-    several are numbered by the principal's scores, so that another's number means another."""
-
-    @classmethod
-    def of(
-        cls, learned: TrainingData, probability: Mapping[tuple[str, ...], Float[ndarray, "n"]]
-    ) -> _Candidate:
-        estimates = learned.estimates
-        own = learned.success[estimates.index(learned.principal)]
-        tried = np.flatnonzero(~np.isnan(own))
-        judged = ~np.isnan(np.stack(list(probability.values()))).any(axis=0)
-        if not judged.any():
-            raise InputError(
-                f"no instance of {learned.principal} could be forecast: each object was tried in "
-                "one part of the scenes alone; give outcomes of more scenes"
-            )
-        rows = tried[judged]
-        columns = (estimates.dataset, estimates.scene_id, estimates.im_id, estimates.obj_id)
-        keys = list(zip(*(column.tolist() for column in columns), strict=True))
-        several = {keys[i] for i in np.flatnonzero(estimates.est_id > 0)}
-        forecasts = {
-            names: Forecasts(
-                protocol="unseen_scenes",
-                method=f"with {', '.join(names)}",
-                principal=learned.principal,
-                gripper=learned.gripper,
-                probability=found[judged],
-                success=own[rows] == 1,
-                objects=estimates.objects[rows],
-                scenes=scene_groups(estimates.instances)[rows],
-            )
-            for names, found in probability.items()
-        }
-        return cls(
-            learned.principal,
-            estimates.supporters(learned.principal),
-            forecasts,
-            int((~judged).sum()),
-            {keys[row]: i for i, row in enumerate(rows) if keys[row] not in several},
-        )
-
-    @property
-    def every(self) -> Forecasts:
-        """Those with all supporters."""
-        return self.forecasts[self.supporters]
-
-    def judged(self, bootstrap: int, seed: int) -> Judged:
-        """Figures with all supporters and with some, and paired differences."""
-        drawn = {
-            names: under_scenes(forecasts, FORECAST, bootstrap, seed)
-            for names, forecasts in self.forecasts.items()
-        }
-        every = drawn[self.supporters]
-
-        def contrast(names: tuple[str, ...]) -> PairedDifference:
-            return PairedDifference(figures_of(drawn[names]), gains(every, drawn[names]))
-
-        several = self.supporters if len(self.supporters) > 1 else ()
-        return Judged(
-            self.principal,
-            len(self.every),
-            self.unjudged,
-            len(np.unique(self.every.scenes)),
-            float(self.every.success.mean()),
-            figures_of(every),
-            {name: contrast(tuple(n for n in self.supporters if n != name)) for name in several},
-            {name: contrast((name,)) for name in several},
-        )
-
-
-def _common(found: Sequence[_Candidate]) -> list[Int[ndarray, "m"]]:
-    """The rows of each principal's that all principals have, in one order."""
-    shared = sorted(set.intersection(*(set(each.places) for each in found)))
-    return [np.array([each.places[key] for key in shared], dtype=np.int64) for each in found]
-
-
-def _plain(value: Any) -> Any:
+def _without_nan(value: Any) -> Any:
+    """Return nested dictionaries with None for NaN, which JSON does not have."""
     if isinstance(value, Mapping):
-        return {key: _plain(each) for key, each in value.items()}
-    return None if isinstance(value, float) and value != value else value
+        return {key: _without_nan(each) for key, each in value.items()}
+    return None if isinstance(value, float) and np.isnan(value) else value

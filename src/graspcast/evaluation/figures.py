@@ -1,4 +1,7 @@
-"""Reliability diagrams and risk-coverage curves (needs the extra ``plot``)."""
+"""Reliability diagrams and risk-coverage curves (needs the extra ``plot``).
+
+The risk-coverage curve is that of selective classification (Geifman and El-Yaniv 2017).
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import ExtraMissingError, InputError
-from graspcast.evaluation.bootstrap import Resampled, draw_scenes
+from graspcast.evaluation.bootstrap import Bootstrap, Interval, ResampledScores, draw_scenes
 from graspcast.evaluation.predictions import Forecasts
-from graspcast.evaluation.report import Bootstrap
 from graspcast.evaluation.scores import BINS, bin_of, calibration_error, risk_coverage
 from graspcast.io.files import atomic_write
 
@@ -24,11 +26,11 @@ if TYPE_CHECKING:
 
 __all__ = ["check_plotting", "draw_figures", "reliability_diagram", "risk_coverage_plot"]
 
-# Okabe & Ito, Color Universal Design (2008): told apart by the colour-blind too.
+# Okabe and Ito, Color Universal Design (2008): distinct for colour-blind readers too.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _GREY = "#6b6b6b"
-_FEWEST = 10  # a rate of fewer instances says nothing
-_COVERAGES = np.linspace(0.02, 1.0, 491)  # below, the rate of a handful of instances
+_MIN_INSTANCES = 10  # bins with fewer have no point
+_COVERAGES = np.linspace(0.02, 1.0, 491)  # below, the rate of very few instances
 _STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 10,
@@ -41,16 +43,16 @@ _STYLE: Any = {
 }
 
 Panel = dict[str, list[Forecasts]]
-"""Methods to their forecasts for each principal, of one gripper."""
+"""Method's name to its forecasts for each principal, with one gripper."""
 
 
 def check_plotting() -> None:
-    """Nothing, if figures can be drawn.
+    """Check that matplotlib is installed.
 
     Raises
     ------
     ExtraMissingError
-        Without matplotlib.
+        If it is not.
     """
     try:
         import matplotlib  # noqa: F401
@@ -60,7 +62,7 @@ def check_plotting() -> None:
 
 @contextmanager
 def _figure(columns: int, rows: int, size: tuple[float, float]) -> Iterator[tuple[Figure, ndarray]]:
-    """A figure with a grid of axes, without touching pyplot's state."""
+    """Yield a figure and its grid of axes, without changing pyplot's state."""
     check_plotting()
     import matplotlib
     from matplotlib.figure import Figure
@@ -74,7 +76,7 @@ def _figure(columns: int, rows: int, size: tuple[float, float]) -> Iterator[tupl
 def _panels(
     forecasts: Sequence[Forecasts], protocol: str, methods: Sequence[str]
 ) -> dict[str, Panel]:
-    """Gripper to method to forecasts."""
+    """Return forecasts by gripper and method."""
     mine = [f for f in forecasts if f.protocol == protocol and f.method in methods]
     out: dict[str, Panel] = {}
     for gripper in dict.fromkeys(f.gripper for f in mine):
@@ -89,14 +91,14 @@ def _panels(
 
 
 def _save(figure: Figure, path: Path) -> None:
-    """As SVG and as PNG, each whole or not at all, without the time of day in it."""
+    """Write SVG and PNG, atomically and without the time, so that runs can be compared."""
     for kind, metadata in (("svg", {"Date": None}), ("png", {"Software": None})):
         with atomic_write(path.with_suffix(f".{kind}")) as temporary:
             figure.savefig(temporary, format=kind, dpi=150, metadata=metadata)
 
 
 def _pooled(parts: Sequence[Forecasts]) -> Forecasts:
-    """The principals' forecasts as one."""
+    """Return the forecasts of all principals, concatenated."""
     one = parts[0]
     columns = [
         np.concatenate([getattr(f, name) for f in parts])
@@ -105,23 +107,28 @@ def _pooled(parts: Sequence[Forecasts]) -> Forecasts:
     return Forecasts(one.protocol, one.method, "all", one.gripper, *columns)
 
 
-def _draw_reliability(axes: Axes, parts: Sequence[Forecasts], colour: str, how: Bootstrap) -> None:
+def _draw_reliability(
+    axes: Axes, parts: Sequence[Forecasts], colour: str, bootstrap: Bootstrap
+) -> None:
     f = _pooled(parts)
     number = bin_of(f.probability)
     size = np.bincount(number, minlength=BINS)
     scenes = np.unique(f.scenes).tolist()
-    rates = Resampled(f, scenes, draw_scenes(scenes, how.draws, how.seed)).success_in_bins()
-    shown = np.flatnonzero(size >= _FEWEST)
+    counts = draw_scenes(scenes, bootstrap.draws, bootstrap.seed)
+    rates = ResampledScores(f, scenes, counts).success_in_bins()
+    shown = np.flatnonzero(size >= _MIN_INSTANCES)
     x = np.bincount(number, weights=f.probability, minlength=BINS)[shown] / size[shown]
     y = np.bincount(number, weights=f.success, minlength=BINS)[shown] / size[shown]
-    ends = np.array(
-        [how.interval(rates[:, k], rate, (0, 1)) for k, rate in zip(shown, y, strict=True)]
-    )
-    # How many instances lie in a bin, along the bottom, the fullest a quarter of the height.
+    intervals = [
+        Interval.of(rate, rates[:, k], (0.0, 1.0), confidence=bootstrap.confidence)
+        for k, rate in zip(shown, y, strict=True)
+    ]
+    # Number of instances in each bin, along the bottom; the largest a quarter of the height.
     edges = np.arange(BINS) / BINS
     axes.bar(edges, 0.25 * size / size.max(), 1 / BINS, align="edge", color=colour, alpha=0.2, lw=0)
     axes.plot([0, 1], [0, 1], color=_GREY, lw=1, ls=(0, (4, 3)))
-    axes.vlines(x, ends[:, 0], ends[:, 1], color=colour, lw=1.5, alpha=0.7)
+    low, high = [i.low for i in intervals], [i.high for i in intervals]
+    axes.vlines(x, low, high, color=colour, lw=1.5, alpha=0.7)
     axes.plot(x, y, "o-", color=colour, lw=1.5, ms=4.5)
     ece = np.mean([calibration_error(p.probability, p.success) for p in parts])
     axes.text(0.04, 0.95, f"ECE {ece:.3f}", va="top", transform=axes.transAxes)
@@ -136,11 +143,12 @@ def reliability_diagram(
     protocol: str = "unseen_scenes",
     bootstrap: Bootstrap | None = None,
 ) -> None:
-    """Success rate against probability, a panel a method and gripper, as SVG and PNG.
+    """Draw reliability diagrams, one panel for each method and gripper, as SVG and PNG.
 
-    Bins are those of the calibration error, principals pooled; a point is a bin's mean probability
-    and success rate, its bar the interval of a bootstrap over scenes, shading how many instances.
-    Bins of fewer than ten instances have no point. ECE is the mean over principals, as in tables.
+    Bins are those of the calibration error, principals pooled. A point is a bin's mean probability
+    and success rate; its bar is the interval of a bootstrap over scenes, and shading shows the
+    number of instances. Bins of fewer than ten instances have no point. ECE is the mean over
+    principals, as in tables.
 
     Raises
     ------
@@ -149,7 +157,7 @@ def reliability_diagram(
     ExtraMissingError
         Without matplotlib.
     """
-    how = bootstrap or Bootstrap()
+    bootstrap = bootstrap or Bootstrap()
     panels = _panels(forecasts, protocol, methods)
     columns, rows = len(methods), len(panels)
     with _figure(columns, rows, (0.7 + 2.5 * columns, 0.5 + 2.4 * rows)) as (figure, grid):
@@ -161,7 +169,7 @@ def reliability_diagram(
                     axes.set_visible(False)
                     continue
                 colour = _COLOURS[column % len(_COLOURS)]
-                _draw_reliability(axes, panel[method], colour, how)
+                _draw_reliability(axes, panel[method], colour, bootstrap)
                 if i == 0:
                     axes.set_title(method)
                 if i == rows - 1:
@@ -170,7 +178,7 @@ def reliability_diagram(
 
 
 def _risk(parts: Sequence[Forecasts]) -> tuple[Float[ndarray, " c"], float]:
-    """Mean over principals of the risk at each coverage, and of the area."""
+    """Return the risk at each coverage and the area, averaged over principals."""
     curves = [risk_coverage(f.probability, f.success) for f in parts]
     risk = np.mean([np.interp(_COVERAGES, c.coverage, c.risk) for c in curves], axis=0)
     return risk, float(np.mean([c.area for c in curves]))
@@ -183,7 +191,7 @@ def risk_coverage_plot(
     methods: Sequence[str],
     protocol: str = "unseen_scenes",
 ) -> None:
-    """Failure rate of attempts against the share attempted, a panel a gripper, as SVG and PNG.
+    """Draw risk-coverage curves, one panel for each gripper, as SVG and PNG.
 
     Raises
     ------
@@ -199,7 +207,7 @@ def risk_coverage_plot(
                 risk, area = _risk(panel[method])
                 colour = _COLOURS[i % len(_COLOURS)]
                 axes.plot(_COVERAGES, risk, color=colour, lw=1.8, label=f"{method}  {area:.3f}")
-            ideal = [_known(f) for f in next(iter(panel.values()))]
+            ideal = [_perfect(f) for f in next(iter(panel.values()))]
             risk, area = _risk(ideal)
             axes.plot(
                 _COVERAGES, risk, color=_GREY, lw=1.2, ls=":", label=f"perfect ranking  {area:.3f}"
@@ -208,14 +216,14 @@ def risk_coverage_plot(
             axes.set_xlabel("share of grasps attempted")
             axes.legend(title="AURC", loc="upper left", alignment="left", fontsize=9)
             axes.set(xlim=(0, 1))
-        grid[0][0].set_ylabel("failure rate of the attempted")
+        grid[0][0].set_ylabel("failure rate of attempts")
         top = max(float(axes.get_ylim()[1]) for axes in grid[0])
         grid[0][0].set_ylim(0, 1.25 * top)  # room for the legend
         _save(figure, path)
 
 
-def _known(f: Forecasts) -> Forecasts:
-    """As a forecaster would have it that knows every outcome."""
+def _perfect(f: Forecasts) -> Forecasts:
+    """Return perfect forecasts."""
     columns: tuple[Any, ...] = (f.success.astype(np.float64), f.success, f.objects, f.scenes)
     return Forecasts(f.protocol, "perfect", f.principal, f.gripper, *columns)
 
@@ -227,7 +235,7 @@ def draw_figures(
     methods: Sequence[str],
     bootstrap: Bootstrap | None = None,
 ) -> list[Path]:
-    """Both figures of ``unseen_scenes``; the paths of the SVG files."""
+    """Draw both figures of the protocol ``unseen_scenes``; return the paths of the SVG files."""
     reliability, risk = directory / "reliability.svg", directory / "risk_coverage.svg"
     reliability_diagram(forecasts, reliability, methods=methods, bootstrap=bootstrap)
     risk_coverage_plot(forecasts, risk, methods=methods)

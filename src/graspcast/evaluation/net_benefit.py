@@ -1,15 +1,20 @@
-"""What following verdicts is worth, given what a failure costs and what it costs to abstain.
+"""Net benefit of attempting by a forecast, given the costs of a failure and of abstaining.
 
-In units of what a success gains, a failed attempt costs ``failure``, and not attempting costs
+In units of the gain of a success, a failed attempt costs ``failure``, and not attempting costs
 ``abstention`` (another view, another object, a person's help). An attempt that succeeds with
-probability p is worth p - (1 - p) failure, and abstaining is worth -abstention; so attempting pays
-from the break-even probability
+probability p has the expected benefit p - (1 - p) failure, and abstaining -abstention. So
+attempting is better from the break-even probability
 
     t = (failure - abstention) / (1 + failure)
 
-on. With free abstention this is decision-curve analysis (Vickers & Elkin, *Decision Curve
-Analysis*, Medical Decision Making 2006): its net benefit at threshold t, TP/n - FP/n t/(1 - t), is
-the value per instance here, since t/(1 - t) is then the cost of a failure.
+on. With an abstention cost of 0 this is decision-curve analysis: its net benefit at threshold t,
+TP/n - FP/n t/(1 - t), is the mean benefit per instance here, since t/(1 - t) is then the cost of a
+failure.
+
+References
+----------
+Vickers and Elkin (2006). Decision curve analysis: a novel method for evaluating prediction models.
+Medical Decision Making 26(6).
 """
 
 from __future__ import annotations
@@ -27,7 +32,7 @@ __all__ = ["Costs"]
 
 @dataclass(frozen=True)
 class Costs:
-    """Costs in units of what a successful grasp gains.
+    """Costs of outcomes, in units of the gain of a successful grasp.
 
     Attributes
     ----------
@@ -46,36 +51,40 @@ class Costs:
     abstention: float = 0.2
 
     def __post_init__(self) -> None:
-        for name in ("failure", "abstention"):
+        for name, parameter in (("failure", "failure_cost"), ("abstention", "abstain_cost")):
             value = getattr(self, name)
             if not 0 <= value < np.inf:
                 raise InputError(
-                    f"the cost of a {name} should be 0 or more, in units of what a success gains, "
-                    f"not {value}"
+                    f"the cost of a {name} should be 0 or more, in units of the gain of a success, "
+                    f"not {value}",
+                    parameters=(parameter,),
                 )
 
     @property
     def break_even(self) -> float:
-        """The probability from which attempting is worth more than abstaining, from 0 to 1."""
+        """The probability from which attempting is better than abstaining, from 0 to 1."""
         return max(0.0, (self.failure - self.abstention) / (1.0 + self.failure))
 
-    def value(
+    def net_benefit(
         self, attempt: Bool[ndarray, " n"], success: Bool[ndarray, " n"]
     ) -> Float[ndarray, " n"]:
-        """The value of each instance, if these are attempted."""
+        """Return the net benefit of each instance, given which are attempted."""
         return np.where(attempt, np.where(success, 1.0, -self.failure), -self.abstention)
 
-    def following(
+    def net_benefit_of_forecast(
         self, probability: Float[ndarray, " n"], success: Bool[ndarray, " n"]
     ) -> Float[ndarray, " n"]:
-        """The value of each instance, if attempts are made from the break-even probability on."""
-        return self.value(probability >= self.break_even, success)
+        """Return the net benefit of each instance, if attempted from the break-even probability."""
+        return self.net_benefit(probability >= self.break_even, success)
 
     def references(self, success: Bool[ndarray, " n"]) -> dict[str, Float[ndarray, " n"]]:
-        """The value of each instance if ``always``, ``never``, and by a ``perfect`` forecaster."""
+        """Return the net benefit of attempting ``always``, ``never``, and by ``perfect`` forecasts.
+
+        Each is that of each instance, (n,).
+        """
         everything = np.ones_like(success)
         return {
-            "always": self.value(everything, success),
-            "never": self.value(~everything, success),
-            "perfect": self.following(success.astype(np.float64), success),
+            "always": self.net_benefit(everything, success),
+            "never": self.net_benefit(~everything, success),
+            "perfect": self.net_benefit_of_forecast(success.astype(np.float64), success),
         }

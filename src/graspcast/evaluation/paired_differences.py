@@ -1,7 +1,7 @@
-"""Two ways to forecast the same instances, and by how much one is better, with its uncertainty.
+"""Paired differences between the scores of two forecasts of the same instances.
 
-Differences are paired: the same instances under the same draws of scenes with replacement
-(:mod:`graspcast.evaluation.bootstrap`), since instances of one scene are not independent.
+Both forecasts are scored under the same draws of scenes (:mod:`graspcast.evaluation.bootstrap`), so
+the interval of a difference reflects how the two differ, not how scenes differ.
 """
 
 from __future__ import annotations
@@ -13,68 +13,71 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.evaluation.bootstrap import Interval, Resampled, every_scene_and_draws
+from graspcast.evaluation.bootstrap import Interval, ResampledScores, original_and_draws
 from graspcast.evaluation.predictions import Forecasts
 
 __all__ = [
-    "DECISIVE",
-    "FORECAST",
-    "STANDING",
-    "Drawn",
+    "CRITERION",
+    "FORECAST_MEASURES",
+    "PRINCIPAL_MEASURES",
     "PairedDifference",
-    "figures_of",
-    "gains",
-    "under_scenes",
+    "ScoreDraws",
+    "bootstrap_scores",
+    "improvements",
+    "original_scores",
 ]
 
 _ATTEMPTED = ("success_at_50", "success_at_70", "success_at_90")
-FORECAST = ("aurc", "auroc", "brier", *_ATTEMPTED)
-"""Measures of what supporters are worth."""
-STANDING = ("aurc", *_ATTEMPTED, "success")
-"""Measures of what grasps a principal guides; all attempted is the last."""
-DECISIVE = "aurc"
-"""The measure by which the recommendation is made."""
+FORECAST_MEASURES = ("aurc", "auroc", "brier", *_ATTEMPTED)
+"""By which sets of supporters are compared."""
+PRINCIPAL_MEASURES = ("aurc", *_ATTEMPTED, "success")
+"""By which principals are compared."""
+CRITERION = "aurc"
+"""The measure that decides which principal is recommended."""
 _LOWER_IS_BETTER = ("aurc", "brier")
 
-Drawn = dict[str, Float[ndarray, "b"]]
-"""Of each measure its value, and then its value under each draw of scenes."""
+ScoreDraws = dict[str, Float[ndarray, "draws1"]]
+"""Measure's name to its value on the original data, followed by its values on the draws."""
 
 
 @dataclass(frozen=True)
 class PairedDifference:
-    """Forecasts with some of the supporters, and how much better they are with all.
+    """Scores of forecasts with some of the supporters, and the improvement by all of them.
 
     Attributes
     ----------
-    figures
-        Each of :data:`FORECAST`.
-    gain
-        By how much all supporters do better than these.
+    scores
+        Each of :data:`FORECAST_MEASURES`, with some of the supporters.
+    improvement
+        How much better each is with all supporters; positive is better in every measure.
     """
 
-    figures: Mapping[str, float]
-    gain: Mapping[str, Interval]
+    scores: Mapping[str, float]
+    improvement: Mapping[str, Interval]
 
 
-def under_scenes(forecasts: Forecasts, measures: Sequence[str], bootstrap: int, seed: int) -> Drawn:
-    """Measures of all instances, and under draws of their scenes, if there are two or more.
+def bootstrap_scores(
+    forecasts: Forecasts, measures: Sequence[str], draws: int, seed: int
+) -> ScoreDraws:
+    """Score forecasts on the original data and on draws of scenes, if there are two or more.
 
-    Forecasts of the same scenes share the draws of a seed, which pairs what they differ by.
+    With the same scenes and seed, the draws are the same, so differences are paired.
     """
     scenes = np.unique(forecasts.scenes).tolist()
-    again = Resampled(forecasts, scenes, every_scene_and_draws(scenes, bootstrap, seed))
-    return {name: getattr(again, name)() for name in measures}
+    resampled = ResampledScores(forecasts, scenes, original_and_draws(scenes, draws, seed))
+    return {name: getattr(resampled, name)() for name in measures}
 
 
-def figures_of(drawn: Drawn) -> dict[str, float]:
-    """The measures of all instances."""
+def original_scores(drawn: ScoreDraws) -> dict[str, float]:
+    """Return the scores on the original data."""
     return {name: float(values[0]) for name, values in drawn.items()}
 
 
-def gains(mine: Drawn, other: Drawn) -> dict[str, Interval]:
-    """By how much one is better than another: positive is better in every measure."""
+def improvements(better: ScoreDraws, worse: ScoreDraws) -> dict[str, Interval]:
+    """Return the paired differences of scores, signed so that positive favours ``better``."""
     out = {}
-    for name, values in mine.items():
-        better = (other[name] - values) if name in _LOWER_IS_BETTER else (values - other[name])
-        out[name] = Interval.of(better)
+    for name, values in better.items():
+        lower = name in _LOWER_IS_BETTER
+        difference = worse[name] - values if lower else values - worse[name]
+        out[name] = Interval.of(difference[0], difference[1:])
     return out

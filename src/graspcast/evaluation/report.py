@@ -1,4 +1,4 @@
-"""From predictions to figures: scores with intervals, paired differences, and net value."""
+"""Evaluation of predictions: scores with intervals, paired differences, and net benefit."""
 
 from __future__ import annotations
 
@@ -11,74 +11,29 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.errors import InputError, MismatchError
-from graspcast.evaluation.bootstrap import Resampled, draw_scenes
+from graspcast.evaluation.bootstrap import Bootstrap, Interval, ResampledScores, draw_scenes
 from graspcast.evaluation.net_benefit import Costs
 from graspcast.evaluation.predictions import Forecasts
 from graspcast.evaluation.scores import score
+from graspcast.io.progress import Progress
 
-__all__ = ["BASELINES", "MEASURES", "SCORES", "Bootstrap", "evaluate", "evaluate_protocol"]
+__all__ = ["BASELINES", "MEASURES", "SCORES", "evaluate", "evaluate_protocol"]
 
 SCORES = ("accuracy", "auroc", "brier", "ece", "aurc")
-MEASURES = (*SCORES, "net_value")
+MEASURES = (*SCORES, "net_benefit")
 BASELINES = ("threshold", "MLP", "MLP-O")
-"""What every method is compared with, where it was evaluated too."""
+"""The methods that all others are compared with, if they were evaluated too."""
 
-_LIMITS = {**dict.fromkeys(SCORES, (0.0, 1.0)), "net_value": (-np.inf, np.inf)}
+_NO_LIMITS = (-np.inf, np.inf)
+_LIMITS = {**dict.fromkeys(SCORES, (0.0, 1.0)), "net_benefit": _NO_LIMITS}
 
 Draws = dict[str, Float[ndarray, " draws"]]
-"""A measure's name to its value in each draw."""
-
-
-@dataclass(frozen=True)
-class Bootstrap:
-    """How intervals are made: percentiles over draws of whole scenes, less the draws' bias.
-
-    A draw repeats some scenes and lacks others, which alone makes the calibration error larger.
-    What the draws exceed the estimate by on average is therefore taken off them (Efron & Tibshirani
-    1993, chapter 10).
-
-    Attributes
-    ----------
-    draws
-        How often scenes are drawn.
-    seed
-        Of the draws.
-    confidence
-        Of the intervals.
-    """
-
-    draws: int = 1000
-    seed: int = 0
-    confidence: float = 0.95
-
-    def interval(
-        self,
-        values: Float[ndarray, " draws"],
-        estimate: float,
-        limits: tuple[float, float] = (-np.inf, np.inf),
-    ) -> list[float] | None:
-        """Lower and upper end, within limits; None if neither draws nor the estimate have values.
-
-        Parameters
-        ----------
-        values
-            In each draw.
-        estimate
-            On the samples themselves.
-        limits
-            What the values cannot exceed.
-        """
-        defined = values[~np.isnan(values)]
-        if not len(defined) or np.isnan(estimate):
-            return None
-        tail = (1 - self.confidence) / 2
-        ends = np.quantile(defined, [tail, 1 - tail]) - (defined.mean() - estimate)
-        return [float(v) for v in np.clip(ends, *limits)]
+"""Measure's name to its value in each draw."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Cell:
-    """One principal's share of a method's figures: on all rows, and in each draw."""
+class _PrincipalScores:
+    """The scores of one method for one principal and gripper, and those of the draws."""
 
     measures: dict[str, float]
     scores: dict[str, Any]
@@ -90,8 +45,9 @@ def evaluate(
     *,
     costs: Costs | None = None,
     bootstrap: Bootstrap | None = None,
+    progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Figures of every protocol, method and gripper, averaged over principals.
+    """Score every method with every gripper under every protocol, averaged over principals.
 
     Parameters
     ----------
@@ -101,95 +57,127 @@ def evaluate(
     costs
         Of failures and of abstaining.
     bootstrap
-        How intervals are made.
+        Settings of the intervals.
+    progress
+        Called with the share of protocols that are done, from 0 to 1, and a short message.
 
     Returns
     -------
         ``evaluate.<protocol>.<method>.<gripper>`` with each of :data:`MEASURES` as a number,
         ``<measure>_interval``, ``differences.<baseline>.<measure>`` (``difference`` and
         ``interval``, the method's minus the baseline's) and ``by_principal``; and
-        ``reference_values.<protocol>.<gripper>``: the net value of attempting always, never, and by
-        a perfect forecaster.
+        ``reference_net_benefit.<protocol>.<gripper>``: the net benefit of attempting always, never,
+        and by perfect forecasts.
 
     Raises
     ------
     InputError
         If there are no forecasts, or two of the same.
     MismatchError
-        If methods were judged on different rows.
+        If methods were evaluated on different rows.
     """
     if not forecasts:
         raise InputError("there are no forecasts to evaluate")
     costs, bootstrap = costs or Costs(), bootstrap or Bootstrap()
-    found: dict[str, Any] = {"evaluate": {}, "reference_values": {}}
-    for protocol in dict.fromkeys(f.protocol for f in forecasts):
+    found: dict[str, Any] = {"evaluate": {}, "reference_net_benefit": {}}
+    protocols = list(dict.fromkeys(f.protocol for f in forecasts))
+    for i, protocol in enumerate(protocols):
+        if progress is not None:
+            progress(i / len(protocols), f"scores of {protocol.replace('_', ' ')}")
         mine = [f for f in forecasts if f.protocol == protocol]
-        figures, references = evaluate_protocol(mine, costs, bootstrap)
-        found["evaluate"][protocol] = figures
-        found["reference_values"][protocol] = references
+        scores, references = evaluate_protocol(mine, costs, bootstrap)
+        found["evaluate"][protocol] = scores
+        found["reference_net_benefit"][protocol] = references
+    if progress is not None:
+        progress(1.0, "scores")
     return found
 
 
 def evaluate_protocol(
     forecasts: Sequence[Forecasts], costs: Costs, bootstrap: Bootstrap
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Figures by method and gripper, and reference values by gripper, of one protocol.
+    """Return scores by method and gripper, and reference net benefits by gripper, of one protocol.
 
-    One draw of scenes serves all methods, principals and grippers, so differences are paired.
+    All methods, principals and grippers share the draws of scenes, so differences are paired.
     """
-    cells = _check(forecasts)
+    given = _check(forecasts)
     scenes = np.unique(np.concatenate([f.scenes for f in forecasts])).tolist()
     counts = draw_scenes(scenes, bootstrap.draws, bootstrap.seed)
-    scored = {key: _score(f, scenes, counts, costs) for key, f in cells.items()}
-    methods = list(dict.fromkeys(method for method, _, _ in cells))
-    grippers = list(dict.fromkeys(gripper for _, _, gripper in cells))
-    figures: dict[str, Any] = {method: {} for method in methods}
+    scored = {key: _score(f, scenes, counts, costs) for key, f in given.items()}
+    out: dict[str, Any] = {method: {} for method, _, _ in given}
     references = {}
-    for gripper in grippers:
-        by_method = {
-            m: {p: cell for (n, p, g), cell in scored.items() if (n, g) == (m, gripper)}
-            for m in methods
+    for gripper in dict.fromkeys(gripper for _, _, gripper in given):
+        by_method: dict[str, dict[str, _PrincipalScores]] = {}
+        for (method, principal, g), found in scored.items():
+            if g == gripper:
+                by_method.setdefault(method, {})[principal] = found
+        for method, found in _of_gripper(by_method, bootstrap).items():
+            out[method][gripper] = found
+        first = next(iter(by_method))
+        references[gripper] = _references(
+            [f for (m, _, g), f in given.items() if (m, g) == (first, gripper)], costs
+        )
+    return out, references
+
+
+def _of_gripper(
+    by_method: Mapping[str, Mapping[str, _PrincipalScores]], bootstrap: Bootstrap
+) -> dict[str, Any]:
+    """Return each method's scores with one gripper, averaged over principals."""
+    draws = {m: _mean_draws(found) for m, found in by_method.items()}
+    means = {m: _mean(found) for m, found in by_method.items()}
+
+    def ends(value: float, drawn: ndarray, limits: tuple[float, float]) -> list[float] | None:
+        return Interval.of(value, drawn, limits, confidence=bootstrap.confidence).ends
+
+    def differences(method: str, baseline: str) -> dict[str, Any]:
+        out = {}
+        for k in MEASURES:
+            difference = means[method][k] - means[baseline][k]
+            interval = ends(difference, draws[method][k] - draws[baseline][k], _NO_LIMITS)
+            out[k] = {"difference": _number(difference), "interval": interval}
+        return out
+
+    return {
+        method: {
+            **{k: _number(v) for k, v in means[method].items()},
+            **{
+                f"{k}_interval": ends(means[method][k], drawn, _LIMITS[k])
+                for k, drawn in draws[method].items()
+            },
+            "differences": {
+                baseline: differences(method, baseline)
+                for baseline in BASELINES
+                if baseline in draws and baseline != method
+            },
+            "by_principal": {principal: one.scores for principal, one in found.items()},
         }
-        draws = {m: _mean_draws(by_method[m]) for m in methods if by_method[m]}
-        means = {m: _mean(by_method[m]) for m in draws}
-        for method in draws:
-            figures[method][gripper] = {
-                **{k: _number(v) for k, v in means[method].items()},
-                **{
-                    f"{k}_interval": bootstrap.interval(v, means[method][k], _LIMITS[k])
-                    for k, v in draws[method].items()
-                },
-                "differences": {
-                    baseline: _difference(means, draws, method, baseline, bootstrap)
-                    for baseline in BASELINES
-                    if baseline in draws and baseline != method
-                },
-                "by_principal": {p: cell.scores for p, cell in by_method[method].items()},
-            }
-        one = [f for (m, _, g), f in cells.items() if (m, g) == (next(iter(draws)), gripper)]
-        values = [costs.references(f.success) for f in one]
-        references[gripper] = {
-            name: float(np.mean([v[name].mean() for v in values])) for name in values[0]
-        }
-    return figures, references
+        for method, found in by_method.items()
+    }
+
+
+def _references(forecasts: Sequence[Forecasts], costs: Costs) -> dict[str, float]:
+    """Return the reference net benefits, averaged over principals."""
+    values = [costs.references(f.success) for f in forecasts]
+    return {name: float(np.mean([v[name].mean() for v in values])) for name in values[0]}
 
 
 def _check(forecasts: Sequence[Forecasts]) -> dict[tuple[str, str, str], Forecasts]:
-    """The forecasts by method, principal and gripper, all methods having been judged alike."""
-    cells: dict[tuple[str, str, str], Forecasts] = {}
+    """Return forecasts by method, principal and gripper; all methods must have the same rows."""
+    given: dict[tuple[str, str, str], Forecasts] = {}
     first: dict[tuple[str, str], Forecasts] = {}
     principals: dict[tuple[str, str], set[str]] = {}
     for f in forecasts:
         key = (f.method, f.principal, f.gripper)
-        if key in cells:
+        if key in given:
             raise InputError(f"two forecasts of {', '.join(key)} in {f.protocol}")
-        cells[key] = f
+        given[key] = f
         principals.setdefault((f.method, f.gripper), set()).add(f.principal)
         other = first.setdefault((f.principal, f.gripper), f)
         for name in ("success", "objects", "scenes"):
             if not np.array_equal(getattr(f, name), getattr(other, name)):
                 raise MismatchError(
-                    f"{f.method} and {other.method} were judged on different {name} in "
+                    f"{f.method} and {other.method} were evaluated on different {name} in "
                     f"{f.protocol} ({f.principal}, {f.gripper}), so they cannot be compared"
                 )
     for gripper in {g for _, g in principals}:
@@ -201,48 +189,37 @@ def _check(forecasts: Sequence[Forecasts]) -> dict[tuple[str, str, str], Forecas
                     f"{method} has no forecasts for {', '.join(sorted(every - names))} "
                     f"({forecasts[0].protocol}, {gripper}), but another method has"
                 )
-    return cells
+    return given
 
 
 def _score(
     f: Forecasts, scenes: Sequence[str], counts: Int[ndarray, "draws scenes"], costs: Costs
-) -> _Cell:
-    value = costs.following(f.probability, f.success)
+) -> _PrincipalScores:
+    benefit = costs.net_benefit_of_forecast(f.probability, f.success)
     attempts = f.probability >= costs.break_even
     found = score(f.probability, f.success, f.objects)
-    again = Resampled(f, scenes, counts)
-    draws = {name: getattr(again, name)() for name in SCORES}
-    net = float(value.mean())
-    return _Cell(
-        measures={**{name: getattr(found, name) for name in SCORES}, "net_value": net},
-        scores={**found.as_dict(), "net_value": net, "attempt_rate": float(attempts.mean())},
-        draws={**draws, "net_value": again.mean(value)},
+    resampled = ResampledScores(f, scenes, counts)
+    draws = {name: getattr(resampled, name)() for name in SCORES}
+    mean = float(benefit.mean())
+    return _PrincipalScores(
+        measures={**{name: getattr(found, name) for name in SCORES}, "net_benefit": mean},
+        scores={
+            **found.as_dict(),
+            "net_benefit": mean,
+            "attempt_rate": float(attempts.mean()),
+        },
+        draws={**draws, "net_benefit": resampled.mean(benefit)},
     )
 
 
-def _mean(cells: Mapping[str, _Cell]) -> dict[str, float]:
-    return {k: float(np.mean([c.measures[k] for c in cells.values()])) for k in MEASURES}
+def _mean(by_principal: Mapping[str, _PrincipalScores]) -> dict[str, float]:
+    return {k: float(np.mean([p.measures[k] for p in by_principal.values()])) for k in MEASURES}
 
 
-def _mean_draws(cells: Mapping[str, _Cell]) -> Draws:
-    return {k: np.mean([c.draws[k] for c in cells.values()], axis=0) for k in MEASURES}
+def _mean_draws(by_principal: Mapping[str, _PrincipalScores]) -> Draws:
+    return {k: np.mean([p.draws[k] for p in by_principal.values()], axis=0) for k in MEASURES}
 
 
 def _number(value: float) -> float | None:
-    """NaN is no JSON."""
+    """Return None for NaN, which JSON does not have."""
     return None if np.isnan(value) else value
-
-
-def _difference(
-    means: Mapping[str, Mapping[str, float]],
-    draws: Mapping[str, Draws],
-    method: str,
-    baseline: str,
-    bootstrap: Bootstrap,
-) -> dict[str, Any]:
-    out = {}
-    for k in MEASURES:
-        difference = means[method][k] - means[baseline][k]
-        interval = bootstrap.interval(draws[method][k] - draws[baseline][k], difference)
-        out[k] = {"difference": _number(difference), "interval": interval}
-    return out

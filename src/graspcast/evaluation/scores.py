@@ -1,4 +1,15 @@
-"""How good predicted probabilities are, once the outcomes are known."""
+"""Scores of predicted probabilities: accuracy, AUROC, Brier score, calibration error, AURC.
+
+References
+----------
+Naeini, Cooper and Hauskrecht (2015). Obtaining Well Calibrated Probabilities Using Bayesian
+Binning. AAAI.
+
+Geifman and El-Yaniv (2017). Selective Classification for Deep Neural Networks. NeurIPS.
+
+Geifman, Uziel and El-Yaniv (2019). Bias-Reduced Uncertainty Estimation for Deep Neural Classifiers.
+ICLR.
+"""
 
 from __future__ import annotations
 
@@ -22,19 +33,22 @@ __all__ = [
 ]
 
 BINS = 15
-"""Bins of equal width of the calibration error."""
+"""Number of equal-width bins of the calibration error."""
 
 
 @dataclass(frozen=True)
 class RiskCoverage:
-    """The failure rate of the attempted share, the most probable successes attempted first.
+    """The risk-coverage curve: failure rate of the attempts against the share attempted.
+
+    Instances are attempted by falling probability (selective classification: Geifman and El-Yaniv
+    2017).
 
     Attributes
     ----------
     coverage
         Share attempted, ascending to 1, (n,).
     risk
-        Share of these that fail, (n,); samples of equal probability count as their average.
+        Share of these that fail, (n,); samples of equal probability count as their mean.
     """
 
     coverage: Float[ndarray, "n"]
@@ -42,11 +56,11 @@ class RiskCoverage:
 
     @property
     def area(self) -> float:
-        """AURC: the mean risk over all coverages (Geifman et al., 2019); smaller is better."""
+        """AURC: the mean risk over all coverages (Geifman et al. 2019); lower is better."""
         return float(self.risk.mean())
 
     def success_at(self, coverage: float) -> float:
-        """Success rate when this share is attempted."""
+        """Return the success rate when this share is attempted."""
         count = max(1, round(coverage * len(self.risk)))
         return float(1.0 - self.risk[count - 1])
 
@@ -58,26 +72,26 @@ class Scores:
     Attributes
     ----------
     n
-        Samples.
+        Number of samples.
     accuracy
-        At a probability of 0.5, averaged over objects (the paper's figure).
+        At a probability of 0.5, averaged over objects, as in the paper.
     accuracy_se
-        Its standard error, taking samples as independent (video frames are not: it is a lower
-        bound).
+        Its standard error if samples were independent (video frames are not, so the true one is
+        larger).
     accuracy_micro
-        At 0.5, over all samples alike.
+        At 0.5, over all samples.
     majority
-        Accuracy of always guessing each object's more frequent outcome, over objects.
+        Accuracy of always predicting each object's more frequent outcome, averaged over objects.
     auroc
         Area under the ROC curve over all samples; NaN if there is only one class.
     brier
-        Mean squared difference of probability and outcome.
+        Brier score: mean squared difference of probability and outcome.
     ece
         Expected calibration error, 15 bins of equal width.
     aurc
         Area under the risk-coverage curve.
     success_at_50, success_at_70, success_at_90
-        Success rate of that most probable share.
+        Success rate of the 50, 70, 90 % with the highest probabilities.
     success
         Success rate of all samples.
     """
@@ -97,33 +111,33 @@ class Scores:
     success: float
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain numbers, for JSON; NaN becomes None."""
+        """Return plain numbers, for JSON; NaN becomes None."""
         return {k: None if v != v else v for k, v in asdict(self).items()}
 
 
 def bin_of(probability: Float[ndarray, "n"], *, bins: int = BINS) -> Int[ndarray, "n"]:
-    """The number of each probability's bin, from 0; bins hold their lower edge, the last both."""
+    """Return each probability's bin, from 0; bins include their lower edge, the last both."""
     return np.minimum((probability * bins).astype(np.int64), bins - 1)
 
 
 def calibration_error(
     probability: Float[ndarray, "n"], success: Bool[ndarray, "n"], *, bins: int = BINS
 ) -> float:
-    """Expected calibration error (Naeini et al., 2015) over bins of equal width.
+    """Return the expected calibration error (Naeini et al. 2015) over bins of equal width.
 
-    The mean, weighted by the bins' sizes, of the difference between a bin's mean probability and
-    its success rate.
+    It is the mean absolute difference between a bin's mean probability and its success rate,
+    weighted by the number of samples in the bin.
     """
     gap = np.bincount(bin_of(probability, bins=bins), weights=probability - success, minlength=bins)
     return float(np.abs(gap).sum() / len(success))
 
 
 def risk_coverage(probability: Float[ndarray, "n"], success: Bool[ndarray, "n"]) -> RiskCoverage:
-    """Failure rate against the share attempted."""
+    """Return the failure rate against the share attempted."""
     order = np.argsort(-probability, kind="stable")
     sorted_probability = probability[order]
     failed = (~success[order]).astype(np.float64)
-    # Equal probabilities give no order, so each counts as the average of its run.
+    # Equal probabilities have no order, so each counts as the mean of its run.
     _, run, size = np.unique(-sorted_probability, return_inverse=True, return_counts=True)
     failed = (np.bincount(run, weights=failed) / size)[run]
     attempted = np.arange(1, len(order) + 1)
@@ -140,11 +154,11 @@ def score(
     Parameters
     ----------
     probability
-        Of success, from 0 to 1, (n,).
+        Probability of success, from 0 to 1, (n,).
     success
         Outcomes, (n,).
     objects
-        Each sample's object, (n,); accuracy is averaged over them.
+        Each sample's object, (n,); accuracy is averaged over objects.
 
     Raises
     ------
@@ -162,8 +176,8 @@ def score(
         rate = float(right[mine].mean())
         accuracy.append(rate)
         variance.append(rate * (1 - rate) / mine.sum())
-        held = float(success[mine].mean())
-        majority.append(max(held, 1 - held))
+        success_rate = float(success[mine].mean())
+        majority.append(max(success_rate, 1 - success_rate))
     both = bool(success.any() and not success.all())
     curve = risk_coverage(probability, success)
     return Scores(

@@ -1,4 +1,4 @@
-"""The evaluation as Markdown: for each protocol what it means, scores, differences, net value."""
+"""The evaluation as Markdown: for each protocol scores, paired differences and net benefit."""
 
 from __future__ import annotations
 
@@ -17,8 +17,38 @@ _TITLES = {
     "brier": "Brier",
     "ece": "ECE",
     "aurc": "AURC",
-    "net_value": "net value",
+    "net_benefit": "net benefit",
 }
+_REFERENCES = {
+    "always": "attempt all",
+    "never": "attempt none",
+    "perfect": "perfect forecasts",
+}
+
+
+def render_evaluation(found: Mapping[str, Any]) -> str:
+    """Return the JSON content of ``graspcast evaluate`` as a Markdown document."""
+    bootstrap, costs = found["bootstrap"], found["costs"]
+    parts = [
+        f"Means over principals; in brackets {100 * bootstrap['confidence']:.0f} % confidence "
+        f"intervals of {bootstrap['draws']} bootstrap draws of scenes (bias-corrected percentiles; "
+        "all methods share the draws, so differences are paired). Accuracy is at a probability of "
+        "0.5, averaged over objects; for Brier, ECE and AURC lower is better. Net benefit is per "
+        f"instance, in units of the gain of a success; a failure costs {costs['failure']:g} and "
+        f"abstaining {costs['abstention']:g}, so attempts are made from a probability of "
+        f"{costs['break_even']:.3f} on.",
+        "\n".join(f"- `{name}`: {text}" for name, text in found["methods"].items()),
+    ]
+    for protocol, scores in found["evaluate"].items():
+        references = found["reference_net_benefit"][protocol]
+        parts += [f"## `{protocol}`", found["protocols"][protocol]]
+        parts += [_scores(scores, gripper) for gripper in references]
+        differences = [_differences(scores, gripper) for gripper in references]
+        if any(differences):
+            names = [b for b in BASELINES if b in scores]
+            parts += [f"Paired differences from {', '.join(names)}:", *filter(None, differences)]
+        parts.append(_net_benefit(scores, references))
+    return "\n\n".join(parts)
 
 
 def _with_interval(value: float | None, interval: list[float] | None, sign: str = "") -> str:
@@ -28,19 +58,19 @@ def _with_interval(value: float | None, interval: list[float] | None, sign: str 
     return text if interval is None else f"{text} [{', '.join(f'{v:{sign}.3f}' for v in interval)}]"
 
 
-def _scores(figures: Mapping[str, Any], gripper: str) -> str:
+def _scores(scores: Mapping[str, Any], gripper: str) -> str:
     rows = [
         [method, *(_with_interval(f[gripper][m], f[gripper][f"{m}_interval"]) for m in SCORES)]
-        for method, f in figures.items()
+        for method, f in scores.items()
         if gripper in f
     ]
     return table([f"{gripper} gripper", *(_TITLES[m] for m in SCORES)], rows)
 
 
-def _differences(figures: Mapping[str, Any], gripper: str) -> str:
-    shown = ("accuracy", "auroc", "brier", "net_value")
+def _differences(scores: Mapping[str, Any], gripper: str) -> str:
+    shown = ("accuracy", "auroc", "brier", "net_benefit")
     rows = []
-    for method, f in figures.items():
+    for method, f in scores.items():
         if gripper not in f:
             continue
         for baseline, by_measure in f[gripper]["differences"].items():
@@ -54,51 +84,20 @@ def _differences(figures: Mapping[str, Any], gripper: str) -> str:
     return table([f"{gripper} gripper", *(_TITLES[m] for m in shown)], rows) if rows else ""
 
 
-def _values(figures: Mapping[str, Any], references: Mapping[str, Any]) -> str:
-    rows = [[name, *(f"{r[name]:.3f}" for r in references.values())] for name in _REFERENCES]
-    for method, f in figures.items():
-        cells = [f.get(g) for g in references]
+def _net_benefit(scores: Mapping[str, Any], references: Mapping[str, Any]) -> str:
+    rows = [
+        [title, *(f"{r[name]:.3f}" for r in references.values())]
+        for name, title in _REFERENCES.items()
+    ]
+    for method, f in scores.items():
+        cells = [f.get(gripper) for gripper in references]
         rows.append(
             [
-                f"following {method}",
+                method,
                 *(
-                    _with_interval(c["net_value"], c["net_value_interval"]) if c else _NONE
+                    _with_interval(c["net_benefit"], c["net_benefit_interval"]) if c else _NONE
                     for c in cells
                 ),
             ]
         )
-    rows = [[_REFERENCES.get(row[0], row[0]), *row[1:]] for row in rows]
-    return table(["net value an instance", *references], rows)
-
-
-_REFERENCES = {
-    "always": "always attempting",
-    "never": "never attempting",
-    "perfect": "a perfect forecaster",
-}
-
-
-def render_evaluation(found: Mapping[str, Any]) -> str:
-    """What ``graspcast evaluate`` writes as JSON, as a Markdown document."""
-    bootstrap, costs = found["bootstrap"], found["costs"]
-    parts = [
-        f"Means over principals; in brackets {100 * bootstrap['confidence']:.0f} % intervals of "
-        f"{bootstrap['draws']} bootstrap draws of whole scenes (percentiles, less the draws' "
-        "bias; one draw for all methods, so differences are paired). Accuracy is at a probability "
-        "of 0.5, averaged over objects; Brier, ECE and AURC are better if small. Net value "
-        "is per instance, in units of what a success gains, a failure costing "
-        f"{costs['failure']:g} and abstaining "
-        f"{costs['abstention']:g}: attempts are made from a probability of "
-        f"{costs['break_even']:.3f} on.",
-        "\n".join(f"- `{name}`: {text}" for name, text in found["methods"].items()),
-    ]
-    for protocol, figures in found["evaluate"].items():
-        references = found["reference_values"][protocol]
-        parts += [f"## `{protocol}`", found["protocols"][protocol]]
-        parts += [_scores(figures, gripper) for gripper in references]
-        differences = [_differences(figures, gripper) for gripper in references]
-        if any(differences):
-            names = [b for b in BASELINES if b in figures]
-            parts += [f"Paired differences against {', '.join(names)}:", *filter(None, differences)]
-        parts.append(_values(figures, references))
-    return "\n\n".join(parts)
+    return table(["net benefit per instance", *references], rows)

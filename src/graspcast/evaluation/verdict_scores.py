@@ -12,7 +12,7 @@ import polars as pl
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.instances import Instances, unit_names
 from graspcast.estimates.outcomes import TRIAL_COLUMNS, join_outcomes
-from graspcast.evaluation.bootstrap import Interval, every_scene_and_draws
+from graspcast.evaluation.bootstrap import Interval, original_and_draws
 from graspcast.forecasting.verdict import VerdictRow
 
 __all__ = ["VerdictScores", "score_verdicts", "verdict_table", "with_outcomes"]
@@ -91,8 +91,8 @@ def score_verdicts(
     """Score verdicts by the outcomes of the grasps they are about.
 
     Verdicts and outcomes are joined by the whole key of a trial, so the order of rows does not
-    matter. Intervals are bootstrap percentiles under draws of whole scenes
-    (:mod:`graspcast.evaluation.bootstrap`), since grasps of one scene are not independent.
+    matter. Intervals are by a bootstrap over scenes (:mod:`graspcast.evaluation.bootstrap`), since
+    grasps of one scene are not independent.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def score_verdicts(
     scene, numbers = np.unique(scenes, return_inverse=True)
     attempt = both["attempt"].to_numpy().astype(np.float64)
     success = both["success"].to_numpy().astype(np.float64)
-    counts = every_scene_and_draws(scene.tolist(), draws, seed)
+    counts = original_and_draws(scene.tolist(), draws, seed)
     n, tried, held, held_tried = (
         counts @ np.bincount(numbers, weights=weights, minlength=len(scene))
         for weights in (np.ones_like(attempt), attempt, success, attempt * success)
@@ -132,14 +132,15 @@ def score_verdicts(
     always, rate = held / n, tried / n
     with np.errstate(invalid="ignore"):
         following = held_tried / tried
+        gain = following - always
     any_tried = tried[0] > 0
     return VerdictScores(
         n=len(both),
         attempts=int(tried[0]),
         scenes=len(scene),
         untried=len(verdicts) - len(both),
-        always=Interval.of(always),
-        following=Interval.of(following) if any_tried else None,
-        attempt_rate=Interval.of(rate),
-        gain=Interval.of(following - always) if any_tried else None,
+        always=Interval.of(always[0], always[1:], (0.0, 1.0)),
+        following=Interval.of(following[0], following[1:], (0.0, 1.0)) if any_tried else None,
+        attempt_rate=Interval.of(rate[0], rate[1:], (0.0, 1.0)),
+        gain=Interval.of(gain[0], gain[1:]) if any_tried else None,
     )

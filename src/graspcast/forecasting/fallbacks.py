@@ -179,16 +179,9 @@ def certificate_of(
     """
     card = forecaster.card
     for certificate in certificates:
-        if certificate.provenance.get("model") != card.digest:
-            continue
-        certified = certificate.provenance.get("ood_alpha", ood_alpha)
-        if certified != ood_alpha:
-            raise MismatchError(
-                f"the certificate was made with ood_alpha {certified:g}, not {ood_alpha:g}: what "
-                "is attempted would not be what was certified",
-                parameters=("ood_alpha",),
-            )
-        return certificate
+        if certificate.provenance.get("model") == card.digest:
+            certificate.check_belongs_to(card.digest, ood_alpha)
+            return certificate
     raise MismatchError(
         f"no certificate was made for the model with {', '.join(card.supporters)}: certify it, and "
         "give its certificate too",

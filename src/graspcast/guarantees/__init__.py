@@ -1,1 +1,1 @@
-"""Certified success rates: Learn-then-Test, certificates, drift monitoring."""
+"""Certified success rates (Learn-then-Test), certificate files, and drift monitoring."""

@@ -1,66 +1,62 @@
-"""What is promised of attempted grasps, on what evidence; and its file.
-
-How a promise comes about stands in :mod:`graspcast.guarantees.certify`.
-"""
+"""Guarantees of a success rate, and the certificate file that holds them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from os import PathLike
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
-from graspcast.errors import FormatError, GraspcastError, UnknownNameError
+from graspcast.errors import FormatError, GraspcastError, MismatchError, UnknownNameError
 from graspcast.guarantees.threshold_sequence import ThresholdSequence
+from graspcast.guarantees.unit_draws import Weight
 from graspcast.io.json import read_json, require, write_json
 
-__all__ = [
-    "MOST_UNITS",
-    "OVERALL",
-    "Certificate",
-    "Guarantee",
-    "Weight",
-]
+__all__ = ["MAX_UNITS", "OVERALL", "Certificate", "Guarantee"]
 
 OVERALL = "all objects"
-MOST_UNITS = 10_000
-Weight = Literal["attempt", "unit"]
-_FORMAT = 1
+"""The scope of the guarantee for all objects together."""
+MAX_UNITS = 10_000
+"""How many units :attr:`Guarantee.needed_units` is searched among."""
+_FORMAT = 2
 
 
 @dataclass(frozen=True)
 class Guarantee:
-    """What can be promised of one scope, and on what evidence.
+    """A guaranteed success rate of attempts in one scope, and the data it is based on.
 
     Attributes
     ----------
     scope
-        :data:`OVERALL`, or an object (``dataset-number``).
+        :data:`OVERALL`, or an object (``dataset-obj_id``).
     threshold
-        Attempt at this probability or above it; None if nothing can be certified.
+        Attempt at this probability or above it; None if no threshold can be certified.
     rate
-        Attempts succeed at least at this rate ...
+        Attempts succeed at this rate or above it.
     confidence
-        ... but for a chance of 1 - confidence that the calibration data misled.
+        1 - the probability of certifying a threshold that does not reach the rate.
     units, trials
-        In the calibration data.
-    shown_at
-        The threshold that the figures below belong to: the certified one, or where none could be,
+        Numbers of those in the calibration data.
+    reported_threshold
+        The threshold at which the numbers below are computed: the certified one or, without one,
         the one that would need the fewest units.
-    attempted_units, successes
-        Units with a drawn attempt, and how many of these succeeded.
-    lower
-        The exact lower bound that these give at the error spent on this threshold; where nothing is
-        certified, at all of the allowed error, as if testing had started here.
-    attempts, attempts_held
-        All attempted trials, and how many of these succeeded.
+    drawn_attempts, drawn_successes
+        Number of drawn trials that are attempted (at most one of each unit), and how many of these
+        succeeded.
+    lower_bound
+        Exact lower confidence bound of the success rate from the drawn attempts, at the error level
+        of this threshold; without a certified one, at all of the allowed error, as if testing had
+        started here.
+    attempts, successful_attempts
+        Number of all trials that are attempted, and how many of these succeeded.
     attempt_rate
-        Expected share of a new unit's instances that are attempted.
-    attempt_interval
+        Mean over units of the share of trials that are attempted.
+    attempt_rate_interval
         Its two-sided interval, at ``confidence``.
     needed_units
-        Where nothing is certified: how many *fresh* units would certify ``shown_at``, if testing
-        starts there and the success rate seen there goes on; None if not even 10,000 would.
+        Without a certified threshold: how many *new* units would certify ``reported_threshold`` if
+        testing starts there and the success rate seen there continues; None if more than
+        :data:`MAX_UNITS`.
     """
 
     scope: str
@@ -69,14 +65,14 @@ class Guarantee:
     confidence: float
     units: int
     trials: int
-    shown_at: float
-    attempted_units: int
-    successes: int
-    lower: float
+    reported_threshold: float
+    drawn_attempts: int
+    drawn_successes: int
+    lower_bound: float
     attempts: int
-    attempts_held: int
+    successful_attempts: int
     attempt_rate: float
-    attempt_interval: tuple[float, float]
+    attempt_rate_interval: tuple[float, float]
     needed_units: int | None = None
 
     @property
@@ -99,27 +95,29 @@ class Guarantee:
         )
         if self.needed_units is None:
             return (
-                f"{text}, nor from {MOST_UNITS:,} of these: nowhere does it clearly reach that rate"
+                f"{text}, nor from {MAX_UNITS:,} of these: at no threshold is the success rate "
+                "clearly above it"
             )
         return (
-            f"{text}; about {self.needed_units} fresh units ({self.needed_trials} trials) would do "
-            f"if testing starts at {self.shown_at:.3g} and the rate seen there goes on"
+            f"{text}; about {self.needed_units} new units ({self.needed_trials} trials) would "
+            f"suffice if testing starts at {self.reported_threshold:.3g} and the success rate seen "
+            "there continues"
         )
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """The promises of one calibration, overall and by object.
+    """The guarantees from one set of calibration data, overall and by object.
 
     Attributes
     ----------
     guarantees
         The overall one first.
     rate, confidence
-        As asked for.
-    family
-        How many promises hold *together* with this confidence (each is then made with 1 - (1 -
-        confidence) / family); 1 if each holds alone.
+        The requested success rate and confidence.
+    family_size
+        How many guarantees hold *together* with the confidence (each is then made with confidence
+        1 - (1 - confidence) / family_size); 1 if each holds individually.
     weight
         As for :func:`graspcast.certify`.
     seed
@@ -127,13 +125,13 @@ class Certificate:
     sequence
         Of the thresholds.
     provenance
-        Whose data these were: model, gripper, kind of unit, versions.
+        The model's digest, ``ood_alpha``, principal, gripper, kind of unit, and versions.
     """
 
     guarantees: tuple[Guarantee, ...]
     rate: float
     confidence: float
-    family: int
+    family_size: int
     weight: Weight
     seed: int
     sequence: ThresholdSequence
@@ -141,33 +139,61 @@ class Certificate:
 
     @property
     def overall(self) -> Guarantee:
-        """That of all objects together."""
+        """The guarantee for all objects together."""
         return self.guarantees[0]
 
     def of(self, scope: str) -> Guarantee:
-        """That of an object.
+        """Return the guarantee for an object (or :data:`OVERALL`).
 
         Raises
         ------
         UnknownNameError
             If there is none.
         """
-        by_name = {p.scope: p for p in self.guarantees}
+        by_name = {g.scope: g for g in self.guarantees}
         if scope not in by_name:
-            raise UnknownNameError("scope of a promise", scope, by_name)
+            raise UnknownNameError("scope of a guarantee", scope, by_name, parameters=("object",))
         return by_name[scope]
 
+    def check_belongs_to(self, model_digest: str, ood_alpha: float) -> None:
+        """Check that it was made for a model's forecasts and an out-of-distribution threshold.
+
+        Parameters
+        ----------
+        model_digest
+            :attr:`graspcast.forecasting.model_card.ModelCard.digest`.
+        ood_alpha
+            Verdicts abstain at this p-value or below it. A certificate that does not state one fits
+            any.
+
+        Raises
+        ------
+        MismatchError
+            If it was made for another.
+        """
+        if self.provenance.get("model") != model_digest:
+            raise MismatchError(
+                "the certificate was made for another model", parameters=("certificate", "model")
+            )
+        certified = self.provenance.get("ood_alpha", ood_alpha)
+        if certified != ood_alpha:
+            raise MismatchError(
+                f"the certificate was made with ood_alpha {certified:g}, not {ood_alpha:g}: what "
+                "is attempted would not be what was certified",
+                parameters=("ood_alpha",),
+            )
+
     def as_dict(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
+        """Return plain values, for JSON."""
         return {"format": _FORMAT, **asdict(self)}
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write it as JSON, whole or not at all."""
+        """Write it as JSON, atomically."""
         write_json(path, self.as_dict())
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Certificate:
-        """Read what :meth:`save` wrote.
+        """Read a file that :meth:`save` wrote.
 
         Raises
         ------
@@ -176,20 +202,23 @@ class Certificate:
         """
         content = read_json(path, dict)
         if (found := require(content, "format", path, "top level")) != _FORMAT:
-            raise FormatError(path, f"is a promise of format {found}, not {_FORMAT}")
-        names = [f.name for f in fields(cls)]
-        given = {name: require(content, name, path, "top level") for name in names}
+            raise FormatError(
+                path,
+                f"is a certificate of format {found}, not {_FORMAT}; certify again",
+                parameters=("certificate",),
+            )
+        given = {f.name: require(content, f.name, path, "top level") for f in fields(cls)}
         try:
-            entries = tuple(_promise(entry) for entry in given["guarantees"])
-            if not entries or entries[0].scope != OVERALL:
-                raise ValueError("the overall promise is not the first")
+            guarantees = tuple(_guarantee(entry) for entry in given["guarantees"])
+            if not guarantees or guarantees[0].scope != OVERALL:
+                raise ValueError("the overall guarantee is not the first")
             if given["weight"] not in get_args(Weight):
                 raise ValueError(f"unknown weight {given['weight']!r}")
             return cls(
-                guarantees=entries,
-                rate=_within(given["rate"]),
-                confidence=_within(given["confidence"]),
-                family=int(given["family"]),
+                guarantees=guarantees,
+                rate=_share(given["rate"]),
+                confidence=_share(given["confidence"]),
+                family_size=int(given["family_size"]),
                 weight=given["weight"],
                 seed=int(given["seed"]),
                 sequence=ThresholdSequence.from_dict(given["sequence"]),
@@ -197,30 +226,32 @@ class Certificate:
             )
         except (KeyError, TypeError, ValueError, GraspcastError) as error:
             raise FormatError(
-                path, f"is not a whole promise file ({error}); certify again"
+                path, f"is not a complete certificate ({error}); certify again"
             ) from error
 
 
-def _within(value: Any) -> float:
+def _share(value: Any) -> float:
     if isinstance(value, bool) or not 0.0 <= float(value) <= 1.0:
         raise ValueError(f"{value!r} is not between 0 and 1")
     return float(value)
 
 
-def _promise(entry: Mapping[str, Any]) -> Guarantee:
-    shares = ("rate", "confidence", "shown_at", "lower", "attempt_rate")
-    counts = ("units", "trials", "attempted_units", "successes", "attempts", "attempts_held")
-    values: dict[str, Any] = {name: _within(entry[name]) for name in shares}
-    for name in counts:
-        if type(entry[name]) is not int or entry[name] < 0:
-            raise ValueError(f"{name} is {entry[name]!r}, not a whole number")
-        values[name] = entry[name]
-    needed = entry["needed_units"]
-    low, high = entry["attempt_interval"]
-    return Guarantee(
-        scope=str(entry["scope"]),
-        threshold=None if entry["threshold"] is None else _within(entry["threshold"]),
-        attempt_interval=(_within(low), _within(high)),
-        needed_units=None if needed is None else int(needed),
-        **values,
-    )
+def _count(value: Any) -> int:
+    if type(value) is not int or value < 0:
+        raise ValueError(f"{value!r} is not a whole number, 0 or more")
+    return value
+
+
+_PARSERS: dict[str, Any] = {
+    "str": str,
+    "int": _count,
+    "int | None": lambda value: None if value is None else _count(value),
+    "float": _share,
+    "float | None": lambda value: None if value is None else _share(value),
+    "tuple[float, float]": lambda pair: (_share(pair[0]), _share(pair[1])),
+}
+
+
+def _guarantee(entry: Mapping[str, Any]) -> Guarantee:
+    """Return the guarantee that ``asdict`` described, each field checked by its type."""
+    return Guarantee(**{f.name: _PARSERS[str(f.type)](entry[f.name]) for f in fields(Guarantee)})

@@ -1,8 +1,8 @@
-"""The log of attempts in the field, and how far a monitor has read it.
+"""Monitor state: a drift monitor on disk, and how far it has read the attempt log.
 
-The log is a table of outcomes that grows at its end. The state says how many of its rows were taken
-in, and their digest, so that taking in is repeatable: no attempt counts twice, and none that was
-written while nobody looked is lost.
+The attempt log is a table of outcomes to which rows are appended. The state holds the number of
+rows that were read and their digest, so that updating can be repeated: no attempt counts twice, and
+none is skipped.
 """
 
 from __future__ import annotations
@@ -29,139 +29,150 @@ _DEFAULT_ALPHA = 0.05
 
 @dataclass
 class MonitorState:
-    """A monitor's state on disk.
+    """The state of a monitor of one guarantee, kept in a file.
 
     Attributes
     ----------
     path
-        Of the state.
+        Of the file.
     monitor
-        Of one promise.
-    promise
-        SHA-256 of the promise's file.
+        Of the guarantee.
+    certificate
+        SHA-256 of the certificate's file.
     scope
-        Which of its promises.
-    rows, digest
-        How many rows of the log were taken in, and their SHA-256.
+        Of the guarantee.
+    rows_read
+        Number of rows of the attempt log that were read.
+    rows_digest
+        Their SHA-256.
     """
 
     path: Path
     monitor: DriftMonitor
-    guarantee: str
+    certificate: str
     scope: str
-    rows: int = 0
-    digest: str = ""
+    rows_read: int = 0
+    rows_digest: str = ""
 
     @classmethod
     def open(
         cls,
         path: str | PathLike[str],
-        promise_file: str | PathLike[str],
+        certificate: str | PathLike[str],
         guarantee: Guarantee,
         *,
         alpha: float | None = None,
-        most_attempts: int | None = None,
+        max_attempts_per_unit: int | None = None,
     ) -> MonitorState:
-        """Go on from a state, or begin one.
+        """Read a state, or make a new one if there is no such file.
 
         Parameters
         ----------
         path
-            The state; it need not exist.
-        promise_file
-            The file that holds the promise.
-        promise
-            The one to watch.
+            Of the state.
+        certificate
+            The file that holds the guarantee.
+        guarantee
+            The one to monitor.
         alpha
-            Chance of a false alarm; 0.05 for a new state if None.
-        most_attempts
-            As of :class:`DriftMonitor`.
+            Probability of a false alarm; for a new state 0.05 if None.
+        max_attempts_per_unit
+            As for :class:`DriftMonitor`.
 
         Raises
         ------
         FormatError
-            If the state is not a whole one.
+            If the file is no complete state.
         MismatchError
-            If it is that of another promise, or of other settings.
+            If it is of another guarantee or other settings.
         """
         path = Path(path)
-        digest = sha256_of_file(promise_file)
+        digest = sha256_of_file(certificate)
         if not path.exists():
             alpha = _DEFAULT_ALPHA if alpha is None else alpha
-            monitor = DriftMonitor(guarantee.rate, alpha, most_attempts)
+            monitor = DriftMonitor(guarantee.rate, alpha, max_attempts_per_unit)
             return cls(path, monitor, digest, guarantee.scope)
-        content = read_json(path, dict)
-        names = ("monitor", "guarantee", "scope", "rows", "digest")
-        found = {name: require(content, name, path, "top level") for name in names}
-        if type(found["rows"]) is not int or found["rows"] < 0:
-            raise FormatError(path, f"rows is {found['rows']!r}, not a whole number")
-        if (found["guarantee"], found["scope"]) != (digest, guarantee.scope):
+        state = cls._load(path)
+        if (state.certificate, state.scope) != (digest, guarantee.scope):
             raise MismatchError(
-                f"{path}: is the state of another promise ({found['scope']}); give each promise "
-                "a --state of its own"
+                f"{path}: is the state of another guarantee ({state.scope}); use a state of its "
+                "own for each",
+                parameters=("state",),
             )
-        monitor = DriftMonitor.from_dict(found["monitor"], path)
-        for name, wanted in (("alpha", alpha), ("most_attempts", most_attempts)):
-            if wanted is not None and wanted != getattr(monitor, name):
+        settings = {"alpha": alpha, "max_attempts_per_unit": max_attempts_per_unit}
+        for name, wanted in settings.items():
+            if wanted is not None and wanted != getattr(state.monitor, name):
                 raise MismatchError(
-                    f"{path}: was begun with {name.replace('_', '-')} {getattr(monitor, name)}, "
-                    f"not {wanted}; leave it out, or begin another --state"
+                    f"{path}: was made with {name} {getattr(state.monitor, name)}, not {wanted}; "
+                    "leave it out, or start a new state",
+                    parameters=(name, "state"),
                 )
-        return cls(path, monitor, digest, guarantee.scope, found["rows"], found["digest"])
+        return state
 
-    def update(self, log: str | PathLike[str], provenance: Mapping[str, Any]) -> int:
-        """Let the monitor see what the log holds beyond the rows that were taken in before.
+    @classmethod
+    def _load(cls, path: Path) -> MonitorState:
+        content = read_json(path, dict)
+        monitor = DriftMonitor.from_dict(require(content, "monitor", path, "top level"), path)
+        names = ("certificate", "scope", "rows_read", "rows_digest")
+        found = {name: require(content, name, path, "top level") for name in names}
+        if type(found["rows_read"]) is not int or found["rows_read"] < 0:
+            raise FormatError(path, f"rows_read is {found['rows_read']!r}, not a whole number")
+        return cls(path, monitor, **found)
+
+    def update(self, attempt_log: str | PathLike[str], provenance: Mapping[str, Any]) -> int:
+        """Add the attempts that were appended to the log since the last update.
 
         Parameters
         ----------
-        log
-            The attempts, oldest first.
+        attempt_log
+            The attempts, oldest first, as a table of outcomes.
         provenance
-            The promise's: its ``principal``, ``gripper`` and ``unit``, if known.
+            The certificate's: its ``principal``, ``gripper`` and ``unit``, if known.
 
         Returns
         -------
-            How many attempts were new.
+            How many attempts of the guarantee's scope were added.
 
         Raises
         ------
         FormatError, InputError
             If the log is not a table of outcomes.
         MismatchError
-            If it does not begin with the rows that were taken in before, or holds attempts that the
-            promise is not about.
+            If it does not begin with the rows that were read before, or has attempts with another
+            estimator or gripper than the certificate's.
         """
-        frame = read_outcomes(log)
+        frame = read_outcomes(attempt_log)
         for column, key in (("estimator", "principal"), ("gripper", "gripper")):
             others = set(frame[column]) - {provenance.get(key)}
             if key in provenance and others:
                 raise MismatchError(
-                    f"{log}: holds attempts of {column} {', '.join(sorted(others))}, but the "
-                    f"promise is about {provenance[key]}"
+                    f"{attempt_log}: has attempts of {column} {', '.join(sorted(others))}, but the "
+                    f"guarantee is for {provenance[key]}",
+                    parameters=("attempt_log",),
                 )
-        if len(frame) < self.rows or _digest(frame.head(self.rows)) != self.digest:
+        if len(frame) < self.rows_read or _digest(frame.head(self.rows_read)) != self.rows_digest:
             raise MismatchError(
-                f"{log}: does not begin with the {self.rows} attempts that were taken in before; "
-                "the log grows at its end, and what it held stays"
+                f"{attempt_log}: does not begin with the {self.rows_read} attempts that were read "
+                "before; append to the log, and do not change what it has",
+                parameters=("attempt_log",),
             )
-        fresh = frame.slice(self.rows)
+        new = frame.slice(self.rows_read)
         if self.scope != OVERALL:
-            name = pl.format("{}-{}", "dataset", "obj_id")
-            fresh = fresh.filter(name == self.scope)
-        parts = ["dataset", "scene_id", "im_id"][: 3 if provenance.get("unit") == "image" else 2]
-        for *unit, success in fresh.select(*parts, "success").iter_rows():
+            new = new.filter(pl.format("{}-{}", "dataset", "obj_id") == self.scope)
+        columns = ["dataset", "scene_id", *(["im_id"] if provenance.get("unit") == "image" else [])]
+        for *unit, success in new.select(*columns, "success").iter_rows():
             self.monitor.observe(success == 1, "/".join(map(str, unit)))
-        self.rows, self.digest = len(frame), _digest(frame)
-        return len(fresh)
+        self.rows_read, self.rows_digest = len(frame), _digest(frame)
+        return len(new)
 
     def save(self) -> None:
-        """Write the state, whole or not at all."""
+        """Write it as JSON, atomically."""
         content = {
             "monitor": self.monitor.as_dict(),
-            "guarantee": self.guarantee,
+            "certificate": self.certificate,
             "scope": self.scope,
-            "rows": self.rows,
-            "digest": self.digest,
+            "rows_read": self.rows_read,
+            "rows_digest": self.rows_digest,
         }
         write_json(self.path, content)
 

@@ -1,8 +1,16 @@
-"""In which order thresholds are tested: the fixed sequence of Learn-then-Test.
+"""The order in which thresholds are tested: fixed sequence testing (Learn-then-Test).
 
-A sequence must not depend on the data that it is tested on, nor may the place where testing starts
-be chosen by looking at how many of the calibration data reach it. So there are two sequences: one
-that depends on no data, and one that other data (the training's out-of-fold forecasts) have taught.
+The sequence, and where testing starts in it, must not depend on the data that is tested. There are
+two: one that depends on no data (:func:`default_sequence`), and one that is learned from other data
+(:func:`learn_sequence`), for example out-of-fold predictions of the training data.
+
+References
+----------
+Angelopoulos, Bates, Candès, Jordan and Lei (2021). Learn then Test: Calibrating Predictive
+Algorithms to Achieve Risk Control. arXiv 2110.01052.
+
+Wiens (2003). A fixed sequence Bonferroni procedure for testing multiple endpoints. Pharmaceutical
+Statistics 2(3).
 """
 
 from __future__ import annotations
@@ -12,31 +20,31 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
 from graspcast.guarantees.binomial import power
+from graspcast.guarantees.unit_draws import UnitShares, Weight
 
 __all__ = [
     "ThresholdSequence",
-    "UnitShares",
     "check_target",
     "default_sequence",
-    "explore",
     "learn_sequence",
+    "split_sequence",
 ]
 
 
 @dataclass(frozen=True)
 class ThresholdSequence:
-    """Thresholds from strict to permissive, and where testing starts.
+    """Thresholds from strict to permissive, and the share of the allowed error for each.
 
-    The error that is allowed in all, 1 - confidence, is dealt out by ``weights``. A threshold is
-    tested with its own part and with all that the one before it was certified with; one that fails
-    passes nothing on. That is Wiens' (2003) fallback procedure: the chance of certifying anything
-    false is at most the sum, however the tests depend on one another. With all weight on one
-    threshold it is the fixed sequence of Angelopoulos et al. (2021) that starts there.
+    The allowed error, 1 - confidence, is divided among the thresholds by ``weights``. A threshold
+    is tested at its own part plus the level at which the one before it passed; one that fails
+    passes nothing on. This is the fallback procedure of Wiens (2003): the probability of any false
+    certification is at most 1 - confidence, however the tests depend on one another. With all
+    weight on one threshold it is fixed sequence testing that starts there.
 
     Attributes
     ----------
@@ -45,7 +53,12 @@ class ThresholdSequence:
     weights
         One for each threshold, not negative, summing to 1.
     source
-        What it was fixed on, in words.
+        The data that it was fixed on, in words.
+
+    Raises
+    ------
+    InputError
+        If thresholds do not descend, or weights do not fit.
     """
 
     thresholds: tuple[float, ...]
@@ -64,17 +77,17 @@ class ThresholdSequence:
             )
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
+        """Return plain values, for JSON."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> ThresholdSequence:
-        """What :meth:`as_dict` gave.
+        """Return the sequence that :meth:`as_dict` described.
 
         Raises
         ------
         KeyError, TypeError, ValueError, InputError
-            If it is something else.
+            If it describes none.
         """
         thresholds = tuple(float(t) for t in content["thresholds"])
         weights = tuple(float(w) for w in content["weights"])
@@ -82,24 +95,25 @@ class ThresholdSequence:
 
 
 def check_target(name: str, value: float) -> None:
-    """Refuse a rate or a confidence that nothing, or only certainty, could reach.
+    """Check that a rate or a confidence lies strictly between 0 and 1.
 
     Raises
     ------
     InputError
-        If it is not above 0 and below 1.
+        If it does not.
     """
     if not 0.0 < value < 1.0:
-        raise InputError(f"the {name} should be above 0 and below 1, not {value}")
+        raise InputError(
+            f"the {name} should be above 0 and below 1, not {value}", parameters=(name,)
+        )
 
 
 def default_sequence(rate: float) -> ThresholdSequence:
-    """Steps of a hundredth, downwards; testing starts at the target rate, and on either side of it.
+    """Return thresholds in steps of 0.01, where testing starts at and around the target rate.
 
-    A calibrated forecaster keeps a promise of ``rate`` at the threshold ``rate``, and at no
-    threshold that can be named without data does it attempt more. Half of the allowed error is
-    spent there. A quarter is spent half-way from there to 1, for forecasters that promise too much,
-    and a quarter at 2 rate - 1 (0.8 for 0.9), for those that promise too little.
+    A calibrated forecaster reaches ``rate`` at the threshold ``rate``; half of the allowed error is
+    spent there. A quarter is spent half-way from there to 1, for overconfident forecasters, and a
+    quarter at 2 rate - 1 (0.8 for 0.9), for underconfident ones.
     """
     check_target("rate", rate)
     above, below = (1.0 + rate) / 2.0, max(2.0 * rate - 1.0, rate / 2.0)
@@ -107,59 +121,6 @@ def default_sequence(rate: float) -> ThresholdSequence:
     grid = {step / 100.0 for step in range(1, 100)}.union(starts)
     thresholds = tuple(sorted(grid, reverse=True))
     return ThresholdSequence(thresholds, tuple(starts.get(t, 0.0) for t in thresholds), "no data")
-
-
-@dataclass(frozen=True, eq=False)
-class UnitShares:
-    """What each unit holds at one threshold.
-
-    Attributes
-    ----------
-    attempted
-        Share of the unit's trials that are attempted, (units,).
-    succeeded
-        Share of these that succeed; NaN where none is attempted, (units,).
-    size
-        The unit's trials, as a share of those of the largest, (units,).
-    """
-
-    attempted: Float[ndarray, "units"]
-    succeeded: Float[ndarray, "units"]
-    size: Float[ndarray, "units"]
-
-    @classmethod
-    def at(
-        cls,
-        threshold: float,
-        probability: Float[ndarray, "n"],
-        success: Bool[ndarray, "n"],
-        number: Int[ndarray, "n"],
-    ) -> UnitShares:
-        """Count attempts and successes by unit; units are numbered from 0, none left out."""
-        attempt = probability >= threshold
-        size = np.bincount(number)
-        attempts = np.bincount(number[attempt], minlength=len(size))
-        held = np.bincount(number[attempt & success], minlength=len(size))
-        succeeded = np.full(len(size), np.nan)
-        np.divide(held, attempts, out=succeeded, where=attempts > 0)
-        return cls(attempts / size, succeeded, size / size.max())
-
-    def evidence(self, weight: str) -> tuple[float, float]:
-        """How many of one's units bear evidence, and at which success rate.
-
-        Returns
-        -------
-            The expected share of units with a drawn attempt, and that attempt's success rate (NaN
-            without attempts); the draw is explained in :mod:`graspcast.guarantees.certify`.
-        """
-        some = ~np.isnan(self.succeeded)
-        if not some.any():
-            return 0.0, float("nan")
-        if weight == "unit":
-            return float(some.mean()), float(self.succeeded[some].mean())
-        share = self.size * self.attempted
-        held = float((share[some] * self.succeeded[some]).sum() / share[some].sum())
-        return float(share.mean()), held
 
 
 def learn_sequence(
@@ -170,44 +131,49 @@ def learn_sequence(
     rate: float,
     confidence: float,
     calibration_units: int,
-    weight: str = "attempt",
+    weight: Weight = "attempt",
     steps: int = 50,
 ) -> ThresholdSequence:
-    """A sequence of quantiles that starts where other data say that it will most likely pass.
+    """Return a sequence that starts where, by other data, the test has the highest power.
+
+    With a strict threshold few units have an attempt, and the test fails however good the
+    forecaster is (at 0.9 and 0.9, with fewer than 22); with a permissive one the success rate is
+    too low. In between, the exact power of the test has a plateau, and testing starts at its
+    middle.
 
     Parameters
     ----------
     probability
         Forecasts for data that are *not* the calibration data and that the forecaster was not
-        trained on: out-of-fold forecasts of its training data.
+        trained on: out-of-fold predictions of its training data, (n,).
     success
-        Their outcomes.
+        Their outcomes, (n,).
     units
-        Their scenes or images.
+        Their scenes or images, (n,).
     rate
-        The target.
+        The success rate to be certified.
     confidence
-        Of the promise.
+        Of the guarantee.
     calibration_units
         How many units the calibration data will have.
     weight
         As for :func:`graspcast.certify`.
     steps
-        How many quantiles there are.
-
-    A start that few reach fails however good the forecaster is (at 0.9 and 0.9, with fewer than 22
-    attempted units); one that is too permissive fails because the rate is too low. In between the
-    exact chance of passing has a plateau; testing starts at its middle.
+        How many thresholds there are, quantiles of ``probability``.
     """
     shares = (np.arange(steps) + 1) / steps
     thresholds = np.unique(np.quantile(probability, 1.0 - shares, method="lower"))[::-1]
     number = np.unique(units, return_inverse=True)[1]
-    chance = []
+    powers = []
     for threshold in thresholds.tolist():
-        share, held = UnitShares.at(threshold, probability, success, number).evidence(weight)
+        share, success_rate = UnitShares.at(threshold, probability, success, number).expected_draws(
+            weight
+        )
         trials = int(calibration_units * share)
-        chance.append(power(trials, held, rate=rate, confidence=confidence) if trials else 0.0)
-    plateau = np.flatnonzero(np.array(chance) >= max(chance) - 0.01)
+        powers.append(
+            power(trials, success_rate, rate=rate, confidence=confidence) if trials else 0.0
+        )
+    plateau = np.flatnonzero(np.array(powers) >= max(powers) - 0.01)
     start = int(plateau[len(plateau) // 2])
     weights = tuple(float(i == start) for i in range(len(thresholds)))
     return ThresholdSequence(
@@ -215,52 +181,57 @@ def learn_sequence(
     )
 
 
-def explore(
+def split_sequence(
     probability: Float[ndarray, "n"],
     success: Bool[ndarray, "n"],
     units: ndarray,
     *,
-    spend: float,
+    share: float,
     seed: int,
     rate: float,
     confidence: float,
-    weight: str,
+    weight: Weight,
 ) -> tuple[ThresholdSequence, Bool[ndarray, "n"]]:
-    """Spend some units on a sequence; the others remain for certifying.
+    """Learn the sequence from a random share of the units, and keep the others for certification.
+
+    Angelopoulos et al. (2021) call it split fixed sequence testing.
 
     Parameters
     ----------
     probability, success, units, rate, confidence, weight
         As for :func:`learn_sequence`.
-    spend
-        The share of units to spend; 0 gives :func:`default_sequence`, and keeps all.
+    share
+        The share of units to learn from; 0 gives :func:`default_sequence`, and keeps all.
     seed
-        Of which units.
+        Of the choice of units.
 
     Returns
     -------
-        The sequence, and which trials remain.
+        The sequence, and a mask of the trials that remain for certification.
 
     Raises
     ------
     InputError
-        If no unit is left on one of the sides.
+        If one of the two parts has no unit.
     """
     names = np.unique(units)
-    count = round(spend * len(names))
-    if spend == 0.0:
+    count = round(share * len(names))
+    if share == 0.0:
         return default_sequence(rate), np.ones(len(units), bool)
     if not 0 < count < len(names):
-        raise InputError(f"a share of {spend:g} of {len(names)} units leaves a side without any")
-    spent = np.isin(units, np.random.default_rng([seed, 1]).permutation(names)[:count])
+        raise InputError(
+            f"a share of {share:g} of {len(names)} units leaves one of the two parts empty",
+            parameters=("sequence_share",),
+        )
+    chosen = np.isin(units, np.random.default_rng([seed, 1]).permutation(names)[:count])
     sequence = learn_sequence(
-        probability[spent],
-        success[spent],
-        units[spent],
+        probability[chosen],
+        success[chosen],
+        units[chosen],
         rate=rate,
         confidence=confidence,
         calibration_units=len(names) - count,
         weight=weight,
     )
-    source = f"{count} of {len(names)} units, spent on it"
-    return replace(sequence, source=source), ~spent
+    source = f"{count} of {len(names)} units, not used for certification"
+    return replace(sequence, source=source), ~chosen
