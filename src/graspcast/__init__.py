@@ -1,4 +1,4 @@
-"""How likely is the grasp that a pose estimate would guide to succeed?
+"""Forecasts of grasp success from the pose estimates of several RGB pose estimators.
 
 Several RGB pose estimators look at the same object. One, the principal, would guide the grasp; from
 how the others disagree with it graspcast forecasts the grasp's success, and says whether to attempt

@@ -49,12 +49,12 @@ class GroundTruth:
         occluded parts included, NaN if unknown, (n, 4).
     """
 
-    scene_id: Int[ndarray, "n"]
-    im_id: Int[ndarray, "n"]
-    obj_id: Int[ndarray, "n"]
-    gt_id: Int[ndarray, "n"]
+    scene_id: Int[ndarray, " n"]
+    im_id: Int[ndarray, " n"]
+    obj_id: Int[ndarray, " n"]
+    gt_id: Int[ndarray, " n"]
     cam_T_obj: Float[ndarray, "n 4 4"]
-    visib_fract: Float[ndarray, "n"]
+    visib_fract: Float[ndarray, " n"]
     source: str = "ground truth"
     box_xywh: Float[ndarray, "n 4"] | None = None
 

@@ -51,10 +51,10 @@ class Detections:
         How many entries were left out, by reason.
     """
 
-    scene_id: Int[ndarray, "n"]
-    im_id: Int[ndarray, "n"]
-    obj_id: Int[ndarray, "n"]
-    score: Float[ndarray, "n"]
+    scene_id: Int[ndarray, " n"]
+    im_id: Int[ndarray, " n"]
+    obj_id: Int[ndarray, " n"]
+    score: Float[ndarray, " n"]
     box_xywh: Float[ndarray, "n 4"]
     source: str = "detections"
     detector: str = ""
@@ -66,7 +66,7 @@ class Detections:
     def __repr__(self) -> str:
         return f"Detections({summary(self, 'detection')})"
 
-    def select(self, which: Bool[ndarray, "n"] | Int[ndarray, "m"]) -> Detections:
+    def select(self, which: Bool[ndarray, " n"] | Int[ndarray, " m"]) -> Detections:
         """Return some of the rows, by mask or by row number."""
         names = ("scene_id", "im_id", "obj_id", "score", "box_xywh")
         return replace(self, **{name: getattr(self, name)[which] for name in names})

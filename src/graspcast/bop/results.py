@@ -56,13 +56,13 @@ class Results:
         How many rows were left out, by reason.
     """
 
-    scene_id: Int[ndarray, "n"]
-    im_id: Int[ndarray, "n"]
-    obj_id: Int[ndarray, "n"]
-    score: Float[ndarray, "n"]
+    scene_id: Int[ndarray, " n"]
+    im_id: Int[ndarray, " n"]
+    obj_id: Int[ndarray, " n"]
+    score: Float[ndarray, " n"]
     cam_T_obj: Float[ndarray, "n 4 4"]
-    time_s: Float[ndarray, "n"]
-    line: Int[ndarray, "n"]
+    time_s: Float[ndarray, " n"]
+    line: Int[ndarray, " n"]
     source: str = "results"
     dropped: Mapping[str, int] = field(default_factory=dict)
 
@@ -128,13 +128,13 @@ class Results:
     def __repr__(self) -> str:
         return f"Results({summary(self, 'pose')})"
 
-    def select(self, which: Bool[ndarray, "n"] | Int[ndarray, "m"]) -> Results:
+    def select(self, which: Bool[ndarray, " n"] | Int[ndarray, " m"]) -> Results:
         """Return some of the rows, by mask or by row number."""
         names = ("scene_id", "im_id", "obj_id", "score", "cam_T_obj", "time_s", "line")
         return replace(self, **{name: getattr(self, name)[which] for name in names})
 
 
-def score_order(results: Results) -> Int[ndarray, "n"]:
+def score_order(results: Results) -> Int[ndarray, " n"]:
     """Sort detections by decreasing score, ties by pose.
 
     Rows with equal scores are sorted by the pose: smaller t_z first (the nearer object), then t_x,

@@ -18,7 +18,7 @@ _ROUNDING = 1e-5
 
 def checked_rotations(
     matrices: Float[ndarray, "n 3 3"],
-) -> tuple[Float[ndarray, "n 3 3"], Float[ndarray, "n"]]:
+) -> tuple[Float[ndarray, "n 3 3"], Float[ndarray, " n"]]:
     """Replace matrices that are nearly rotations by the nearest rotation.
 
     Returns

@@ -127,7 +127,7 @@ def _check(dataset: BopDataset, gripper: str) -> None:
 def _steps(
     options: argparse.Namespace, dataset: BopDataset, learnt: list[str], unseen: list[str]
 ) -> Iterator[tuple[str, list[str]]]:
-    """What each step is, and its command; later ones depend on what earlier ones have written."""
+    """Yield the title and command of each step; later ones read what earlier ones wrote."""
     from graspcast.perception import BUILT_IN
 
     out, gripper, principal = options.out, options.gripper, options.principal
@@ -204,7 +204,7 @@ def _with_outcomes(verdicts: Path, trials: Path) -> pl.DataFrame:
 
 
 def _some_images(seen: pl.DataFrame) -> list[str]:
-    """The first images in which a grasp is attempted and another one is not."""
+    """Return the first images in which one grasp is attempted and another one is not."""
     import polars as pl
 
     mixed = seen.filter(pl.col("attempt").n_unique().over("scene_id", "im_id") > 1)
@@ -213,7 +213,7 @@ def _some_images(seen: pl.DataFrame) -> list[str]:
 
 
 def _two_grasps(seen: pl.DataFrame) -> Iterator[tuple[str, str, dict[str, object]]]:
-    """The most probable one that was attempted and held, and one not attempted that would fail."""
+    """Yield the most probable attempted grasp that held, and one not attempted that fails."""
     for attempt, name, title in (
         (True, "attempted", "A grasp that is attempted, and holds"),
         (False, "abstained", "A grasp that is abstained from, and would have failed"),

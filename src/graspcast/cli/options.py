@@ -118,7 +118,7 @@ def add_inputs(
 
 
 def inputs_of(options: argparse.Namespace, *, every_object: bool = False) -> Inputs:
-    """What :func:`add_inputs`'s options name."""
+    """Load what the options of :func:`add_inputs` name."""
     from graspcast.estimates.loading import load_inputs
 
     return load_inputs(
@@ -144,14 +144,14 @@ def _scenes(text: str) -> range:
 
 
 def positive(text: str) -> int:
-    """A whole number from 1."""
+    """Parse a whole number from 1."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"a whole number, 1 or more, is needed, not {text!r}")
     return int(text)
 
 
 def share(text: str) -> float:
-    """A number between 0 and 1."""
+    """Parse a number between 0 and 1."""
     try:
         value = float(text)
     except ValueError:

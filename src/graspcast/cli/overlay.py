@@ -81,7 +81,7 @@ def _overlay(options: argparse.Namespace) -> None:
 
 
 def _wanted(objects: list[str], dataset: BopDataset) -> set[str]:
-    """The names of ``--objects``, all of which the dataset must know."""
+    """Return the names of ``--objects``, all of which the dataset must know."""
     known = [f"{dataset.name}-{number}" for number in sorted(dataset.models.info)]
     names = {text if "-" in text else f"{dataset.name}-{text}" for text in objects}
     for name in sorted(names - set(known)):

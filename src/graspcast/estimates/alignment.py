@@ -146,13 +146,13 @@ class Estimates:
         which = [self.index(name) for name in estimators]
         return replace(self, estimators=estimators, cam_T_obj=self.cam_T_obj[which])
 
-    def select(self, which: Bool[ndarray, "n"] | Int[ndarray, "m"]) -> Estimates:
+    def select(self, which: Bool[ndarray, " n"] | Int[ndarray, " m"]) -> Estimates:
         """Return some of the instances, by mask or by number."""
         chosen = self.instances.select(which)
         return replace(self, instances=chosen, cam_T_obj=self.cam_T_obj[:, which])
 
 
-def estimate_ids(results: Results) -> Int[ndarray, "n"]:
+def estimate_ids(results: Results) -> Int[ndarray, " n"]:
     """Return each row's ``est_id``: its rank among the rows of its object in its image."""
     keys = np.stack([results.scene_id, results.im_id, results.obj_id])
     _, group = np.unique(keys, axis=1, return_inverse=True)
@@ -164,7 +164,7 @@ def estimate_ids(results: Results) -> Int[ndarray, "n"]:
     return out
 
 
-def rows_in_image(results: Results, scene_id: int, im_id: int, what: str) -> Int[ndarray, "m"]:
+def rows_in_image(results: Results, scene_id: int, im_id: int, what: str) -> Int[ndarray, " m"]:
     """Return an image's rows by decreasing score: of one object, row N is the one of ``est_id`` N.
 
     Parameters
@@ -197,7 +197,7 @@ def rows_in_image(results: Results, scene_id: int, im_id: int, what: str) -> Int
 
 def assign(
     anchors: Float[ndarray, "a 3"], others: Float[ndarray, "b 3"]
-) -> tuple[Int[ndarray, "m"], Int[ndarray, "m"]]:
+) -> tuple[Int[ndarray, " m"], Int[ndarray, " m"]]:
     """Pair positions one to one with the smallest total distance; the surplus stays unpaired."""
     if len(anchors) == 1 and len(others) == 1:
         return np.array([0]), np.array([0])

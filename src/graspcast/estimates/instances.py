@@ -104,10 +104,10 @@ class Instances:
     """
 
     dataset: ndarray
-    scene_id: Int[ndarray, "n"]
-    im_id: Int[ndarray, "n"]
-    obj_id: Int[ndarray, "n"]
-    est_id: Int[ndarray, "n"]
+    scene_id: Int[ndarray, " n"]
+    im_id: Int[ndarray, " n"]
+    obj_id: Int[ndarray, " n"]
+    est_id: Int[ndarray, " n"]
 
     @classmethod
     def of(cls, keys: Sequence[InstanceKey]) -> Instances:
@@ -155,7 +155,7 @@ class Instances:
         columns = {name: getattr(self, name) for name in KEY_COLUMNS}
         return pl.DataFrame(columns | {"dataset": self.dataset.tolist()}, schema=KEY_SCHEMA)
 
-    def select(self, which: Bool[ndarray, "n"] | Int[ndarray, "m"]) -> Instances:
+    def select(self, which: Bool[ndarray, " n"] | Int[ndarray, " m"]) -> Instances:
         """Return some of the instances, by mask or by number."""
         return Instances(*(getattr(self, f.name)[which] for f in fields(self)))
 

@@ -18,7 +18,7 @@ from graspcast.pose.metrics import nearest_symmetric
 __all__ = ["match", "nearest_truth", "true_poses"]
 
 
-def match(results: Results, truth: GroundTruth) -> Int[ndarray, "n"]:
+def match(results: Results, truth: GroundTruth) -> Int[ndarray, " n"]:
     """Return the ground-truth row that each estimate matches, -1 where there is none.
 
     Estimates and true instances of one object in an image are assigned one to one, with the
@@ -42,7 +42,7 @@ def match(results: Results, truth: GroundTruth) -> Int[ndarray, "n"]:
 
 def _matched(
     instances: tuple[ndarray, ndarray, ndarray], position: Float[ndarray, "n 3"], truth: GroundTruth
-) -> Int[ndarray, "n"]:
+) -> Int[ndarray, " n"]:
     """Return the ground-truth row of each instance (scene, image, object), -1 for none."""
     known: dict[tuple[int, int, int], list[int]] = {}
     keys = (truth.scene_id.tolist(), truth.im_id.tolist(), truth.obj_id.tolist())
@@ -84,7 +84,7 @@ def true_poses(
 def nearest_truth(
     est_T_true: Float[ndarray, "n 4 4"],
     dataset: ndarray,
-    obj_id: Int[ndarray, "n"],
+    obj_id: Int[ndarray, " n"],
     models: Mapping[str, Models],
 ) -> Float[ndarray, "n 4 4"]:
     """Replace each true pose by its symmetric equivalent that is nearest to the estimate.

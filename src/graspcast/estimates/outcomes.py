@@ -197,7 +197,7 @@ def success_of_each(
     gripper: str,
     *,
     grasp: str = REFERENCE_GRASP,
-) -> Float[ndarray, "n"]:
+) -> Float[ndarray, " n"]:
     """Return the outcome of the grasp of each instance that an estimator guided.
 
     Parameters

@@ -139,14 +139,14 @@ def _training_scenes(card: ModelCard, data: TrainingData, allowed: bool) -> int 
 
 def _sequence(
     forecaster: Forecaster,
-    probability: Float[ndarray, "n"],
-    success: Bool[ndarray, "n"],
+    probability: Float[ndarray, " n"],
+    success: Bool[ndarray, " n"],
     units: ndarray,
     unit: UnitKind,
     share: float,
     seed: int,
     target: Mapping[str, Any],
-) -> tuple[ThresholdSequence, Bool[ndarray, "n"]]:
+) -> tuple[ThresholdSequence, Bool[ndarray, " n"]]:
     """Return the threshold sequence, and a mask of the trials to certify with."""
     out_of_fold = getattr(forecaster.predictor, "out_of_fold", None)
     if share or out_of_fold is None:

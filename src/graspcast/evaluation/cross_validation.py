@@ -26,7 +26,7 @@ def cross_validated(
     seed: int = 0,
     progress: Progress | None = None,
     **options: Any,
-) -> Float[ndarray, "n"]:
+) -> Float[ndarray, " n"]:
     """Forecast each tried instance by a forecaster trained without its scene, or object.
 
     Parameters

@@ -36,7 +36,7 @@ CRITERION = "aurc"
 """The measure that decides which principal is recommended."""
 _LOWER_IS_BETTER = ("aurc", "brier")
 
-ScoreDraws = dict[str, Float[ndarray, "draws1"]]
+ScoreDraws = dict[str, Float[ndarray, " draws1"]]
 """Measure's name to its value on the original data, followed by its values on the draws."""
 
 

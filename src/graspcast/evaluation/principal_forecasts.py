@@ -97,7 +97,7 @@ class PrincipalForecasts:
 
     @classmethod
     def of(
-        cls, data: TrainingData, probability: Mapping[tuple[str, ...], Float[ndarray, "n"]]
+        cls, data: TrainingData, probability: Mapping[tuple[str, ...], Float[ndarray, " n"]]
     ) -> PrincipalForecasts:
         """Select the instances with forecasts.
 
@@ -203,7 +203,7 @@ def _supporter_sets(supporters: tuple[str, ...]) -> list[tuple[str, ...]]:
     return list(dict.fromkeys(sets))
 
 
-def common_rows(candidates: Sequence[PrincipalForecasts]) -> list[Int[ndarray, "m"]]:
+def common_rows(candidates: Sequence[PrincipalForecasts]) -> list[Int[ndarray, " m"]]:
     """Return the rows of each principal's that all principals have, in the same order."""
     shared = sorted(set.intersection(*(set(each.rows) for each in candidates)))
     return [np.array([each.rows[key] for key in shared], dtype=np.int64) for each in candidates]

@@ -51,8 +51,8 @@ class RiskCoverage:
         Share of these that fail, (n,); samples of equal probability count as their mean.
     """
 
-    coverage: Float[ndarray, "n"]
-    risk: Float[ndarray, "n"]
+    coverage: Float[ndarray, " n"]
+    risk: Float[ndarray, " n"]
 
     @property
     def area(self) -> float:
@@ -115,13 +115,13 @@ class Scores:
         return {k: None if v != v else v for k, v in asdict(self).items()}
 
 
-def bin_of(probability: Float[ndarray, "n"], *, bins: int = BINS) -> Int[ndarray, "n"]:
+def bin_of(probability: Float[ndarray, " n"], *, bins: int = BINS) -> Int[ndarray, " n"]:
     """Return each probability's bin, from 0; bins include their lower edge, the last both."""
     return np.minimum((probability * bins).astype(np.int64), bins - 1)
 
 
 def calibration_error(
-    probability: Float[ndarray, "n"], success: Bool[ndarray, "n"], *, bins: int = BINS
+    probability: Float[ndarray, " n"], success: Bool[ndarray, " n"], *, bins: int = BINS
 ) -> float:
     """Return the expected calibration error (Naeini et al. 2015) over bins of equal width.
 
@@ -132,7 +132,7 @@ def calibration_error(
     return float(np.abs(gap).sum() / len(success))
 
 
-def risk_coverage(probability: Float[ndarray, "n"], success: Bool[ndarray, "n"]) -> RiskCoverage:
+def risk_coverage(probability: Float[ndarray, " n"], success: Bool[ndarray, " n"]) -> RiskCoverage:
     """Return the failure rate against the share attempted."""
     order = np.argsort(-probability, kind="stable")
     sorted_probability = probability[order]
@@ -145,8 +145,8 @@ def risk_coverage(probability: Float[ndarray, "n"], success: Bool[ndarray, "n"])
 
 
 def score(
-    probability: Float[ndarray, "n"],
-    success: Bool[ndarray, "n"],
+    probability: Float[ndarray, " n"],
+    success: Bool[ndarray, " n"],
     objects: ndarray,
 ) -> Scores:
     """Score probabilities against outcomes.

@@ -22,7 +22,7 @@ _ALONE = {"view", "axis", "distance"}
 """The viewing direction of the principal, whose median would be no direction."""
 
 
-def groups_of(names: Sequence[str]) -> dict[str, Int[ndarray, "c"]]:
+def groups_of(names: Sequence[str]) -> dict[str, Int[ndarray, " c"]]:
     """Group feature columns: a supporter's rotation or position, or two supporters' difference.
 
     Medians and means over all supporters belong to every group of their kind.
@@ -53,8 +53,8 @@ def groups_of(names: Sequence[str]) -> dict[str, Int[ndarray, "c"]]:
 def attributions(
     predictor: Predictor,
     features: Features,
-    numbers: Int[ndarray, "n"],
-    typical: Float[ndarray, "d"],
+    numbers: Int[ndarray, " n"],
+    typical: Float[ndarray, " d"],
 ) -> list[tuple[tuple[str, float], ...]]:
     """Attribute each row's forecast to groups of features.
 

@@ -241,7 +241,7 @@ def _models_of(models: Mapping[str, Models], dataset: str) -> Models:
 
 def mean_add(
     estimates: Estimates, principal: str, models: Mapping[str, Models]
-) -> Float[ndarray, "n"]:
+) -> Float[ndarray, " n"]:
     """Compute the mean over supporters of ADD between the principal's pose and theirs, in metres.
 
     Plain ADD also for symmetric objects, as in Section V-B of the paper.

@@ -61,7 +61,7 @@ class Forecaster:
     card: ModelCard
     predictor: Predictor
     novelty: Novelty
-    typical: Float[ndarray, "d"]
+    typical: Float[ndarray, " d"]
     """Medians of the training features, the baseline of attributions."""
 
     @property
@@ -75,7 +75,7 @@ class Forecaster:
         models: Mapping[str, Models] | None = None,
         *,
         unseen_objects: bool = False,
-    ) -> Float[ndarray, "n"]:
+    ) -> Float[ndarray, " n"]:
         """Forecast the probability of success of every instance.
 
         Parameters
@@ -95,7 +95,7 @@ class Forecaster:
         found, numbers = self._inputs(estimates, models, unseen_objects)
         return self.predictor.probability(found.values, numbers)
 
-    def p_value(self, estimates: Estimates) -> Float[ndarray, "n"]:
+    def p_value(self, estimates: Estimates) -> Float[ndarray, " n"]:
         """Compute the novelty p-value of every instance (:mod:`graspcast.forecasting.novelty`).
 
         Small means novel: of instances of scenes like those in training, at most a share ``a`` has

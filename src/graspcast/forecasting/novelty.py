@@ -43,9 +43,9 @@ class Novelty:
         Out-of-fold scores of the training instances, ascending, (m,).
     """
 
-    centre: Float[ndarray, "d"]
+    centre: Float[ndarray, " d"]
     precision: Float[ndarray, "d d"]
-    scores: Float[ndarray, "m"]
+    scores: Float[ndarray, " m"]
 
     @classmethod
     def fit(cls, estimates: Estimates, principal: str, *, folds: int = 4) -> Novelty:
@@ -61,7 +61,7 @@ class Novelty:
 
     def p_value(
         self, estimates: Estimates, principal: str, supporters: Sequence[str]
-    ) -> Float[ndarray, "n"]:
+    ) -> Float[ndarray, " n"]:
         """Compute the conformal p-value of each instance's disagreement; small means novel."""
         rows = disagreement(estimates, principal, supporters)
         score = _distance(rows, self.centre, self.precision)
@@ -87,7 +87,7 @@ def disagreement(
     return np.concatenate(seen, axis=1)
 
 
-def _shape(rows: Float[ndarray, "n d"]) -> tuple[Float[ndarray, "d"], Float[ndarray, "d d"]]:
+def _shape(rows: Float[ndarray, "n d"]) -> tuple[Float[ndarray, " d"], Float[ndarray, "d d"]]:
     from sklearn.covariance import LedoitWolf
 
     model = LedoitWolf().fit(rows)
@@ -95,7 +95,7 @@ def _shape(rows: Float[ndarray, "n d"]) -> tuple[Float[ndarray, "d"], Float[ndar
 
 
 def _distance(
-    rows: Float[ndarray, "n d"], centre: Float[ndarray, "d"], precision: Float[ndarray, "d d"]
-) -> Float[ndarray, "n"]:
+    rows: Float[ndarray, "n d"], centre: Float[ndarray, " d"], precision: Float[ndarray, "d d"]
+) -> Float[ndarray, " n"]:
     away = rows - centre
     return np.asarray(np.einsum("ni,ij,nj->n", away, precision, away))

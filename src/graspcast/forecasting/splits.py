@@ -28,14 +28,14 @@ __all__ = [
 VALIDATION_SHARE = 0.2
 """Share of the training data that is used for validation."""
 
-Fold = tuple[Int[ndarray, "train"], Int[ndarray, "test"]]
+Fold = tuple[Int[ndarray, " train"], Int[ndarray, " test"]]
 """Row numbers of the training and of the test instances."""
 
 
 def by_group(
     groups: ndarray,
     objects: ndarray,
-    success: Bool[ndarray, "n"] | None = None,
+    success: Bool[ndarray, " n"] | None = None,
     *,
     folds: int = 5,
     seed: int = 0,
@@ -83,7 +83,7 @@ def by_object(objects: ndarray) -> Iterator[Fold]:
         yield np.flatnonzero(objects != name), np.flatnonzero(objects == name)
 
 
-def fold_numbers(groups: ndarray, folds: int, *, seed: int | None = None) -> Int[ndarray, "n"]:
+def fold_numbers(groups: ndarray, folds: int, *, seed: int | None = None) -> Int[ndarray, " n"]:
     """Assign whole groups to folds of equally many groups; the fold of each instance.
 
     Parameters
@@ -104,7 +104,7 @@ def fold_numbers(groups: ndarray, folds: int, *, seed: int | None = None) -> Int
 
 def validation_mask(
     strata: ndarray, seed: int, *, share: float = VALIDATION_SHARE
-) -> Bool[ndarray, "n"]:
+) -> Bool[ndarray, " n"]:
     """Choose a random validation set, the same share of each stratum; a mask, (n,)."""
     out = np.zeros(len(strata), dtype=bool)
     rng = np.random.default_rng(seed)

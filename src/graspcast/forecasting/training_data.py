@@ -39,7 +39,7 @@ class SimulatedTrials:
 
     objects: ndarray
     obj_T_est: Float[ndarray, "n 4 4"]
-    success: Bool[ndarray, "n"]
+    success: Bool[ndarray, " n"]
 
     def __len__(self) -> int:
         return len(self.success)
@@ -70,7 +70,7 @@ class SimulatedTrials:
             table["success"].to_numpy()[mine],
         )
 
-    def select(self, which: Bool[ndarray, "n"]) -> SimulatedTrials:
+    def select(self, which: Bool[ndarray, " n"]) -> SimulatedTrials:
         """Select trials by mask."""
         return SimulatedTrials(self.objects[which], self.obj_T_est[which], self.success[which])
 
@@ -179,17 +179,17 @@ class TrainingData:
         return self.estimates.objects
 
     @property
-    def has_truth(self) -> Bool[ndarray, "n"]:
+    def has_truth(self) -> Bool[ndarray, " n"]:
         """Which instances' true poses are known."""
         return np.isfinite(self.truth).all(axis=(1, 2))
 
     @property
-    def own_success(self) -> Float[ndarray, "n"]:
+    def own_success(self) -> Float[ndarray, " n"]:
         """Outcomes of the grasps that the principal guided: 1, 0, or NaN where not tried."""
         return self.success[self.estimates.index(self.principal)]
 
     @property
-    def is_tried(self) -> Bool[ndarray, "n"]:
+    def is_tried(self) -> Bool[ndarray, " n"]:
         """Which instances have an outcome of a grasp that the principal guided."""
         return ~np.isnan(self.own_success)
 
@@ -210,7 +210,7 @@ class TrainingData:
             raise MismatchError(self._untried, parameters=("outcomes",))
         return self.select(is_tried)
 
-    def select(self, which: Bool[ndarray, "n"] | Int[ndarray, "m"]) -> TrainingData:
+    def select(self, which: Bool[ndarray, " n"] | Int[ndarray, " m"]) -> TrainingData:
         """Select instances by mask or number; all simulated trials stay."""
         return replace(
             self,

@@ -310,7 +310,7 @@ def _number(text: str, name: str, path: str | PathLike[str], where: str) -> int:
 
 def _numbers(
     text: str, count: int, name: str, path: str | PathLike[str], where: str
-) -> Float[ndarray, "count"]:
+) -> Float[ndarray, " count"]:
     try:
         values = np.array(text.split(), dtype=np.float64)
     except ValueError:

@@ -40,7 +40,7 @@ def lower_bound(successes: int, trials: int, confidence: float) -> float:
     return float(betaincinv(successes, trials - successes + 1, 1.0 - confidence))
 
 
-def mean_interval(values: Float[ndarray, "n"], confidence: float) -> tuple[float, float]:
+def mean_interval(values: Float[ndarray, " n"], confidence: float) -> tuple[float, float]:
     """Return a two-sided confidence interval of the mean of independent values between 0 and 1.
 
     For values of 0 and 1 it is the Clopper-Pearson interval. For others the tail of the sum is at

@@ -38,8 +38,8 @@ __all__ = ["certify"]
 
 
 def certify(
-    probability: Float[ndarray, "n"],
-    success: Bool[ndarray, "n"],
+    probability: Float[ndarray, " n"],
+    success: Bool[ndarray, " n"],
     units: ndarray,
     *,
     rate: float,
@@ -142,8 +142,8 @@ class _Test:
     def certify(
         self,
         scope: str,
-        probability: Float[ndarray, "n"],
-        success: Bool[ndarray, "n"],
+        probability: Float[ndarray, " n"],
+        success: Bool[ndarray, " n"],
         units: ndarray,
     ) -> Guarantee:
         """Return the guarantee for the trials of one scope."""
@@ -190,7 +190,7 @@ class _Test:
         return certified, error
 
     def _fewest_units(
-        self, probability: ndarray, success: ndarray, number: Int[ndarray, "n"]
+        self, probability: ndarray, success: ndarray, number: Int[ndarray, " n"]
     ) -> tuple[float, int | None]:
         """Return the threshold that the fewest new units would certify, and how many.
 

@@ -124,8 +124,8 @@ def default_sequence(rate: float) -> ThresholdSequence:
 
 
 def learn_sequence(
-    probability: Float[ndarray, "n"],
-    success: Bool[ndarray, "n"],
+    probability: Float[ndarray, " n"],
+    success: Bool[ndarray, " n"],
     units: ndarray,
     *,
     rate: float,
@@ -182,8 +182,8 @@ def learn_sequence(
 
 
 def split_sequence(
-    probability: Float[ndarray, "n"],
-    success: Bool[ndarray, "n"],
+    probability: Float[ndarray, " n"],
+    success: Bool[ndarray, " n"],
     units: ndarray,
     *,
     share: float,
@@ -191,7 +191,7 @@ def split_sequence(
     rate: float,
     confidence: float,
     weight: Weight,
-) -> tuple[ThresholdSequence, Bool[ndarray, "n"]]:
+) -> tuple[ThresholdSequence, Bool[ndarray, " n"]]:
     """Learn the sequence from a random share of the units, and keep the others for certification.
 
     Angelopoulos et al. (2021) call it split fixed sequence testing.

@@ -57,9 +57,9 @@ class UnitDraws:
 
     def __init__(
         self,
-        probability: Float[ndarray, "n"],
-        success: Bool[ndarray, "n"],
-        number: Int[ndarray, "n"],
+        probability: Float[ndarray, " n"],
+        success: Bool[ndarray, " n"],
+        number: Int[ndarray, " n"],
         weight: Weight,
         seed: int,
     ):
@@ -86,7 +86,7 @@ class UnitDraws:
         return len(drawn), int(self._success[drawn].sum())
 
 
-def _first_of_each(number: Int[ndarray, "m"]) -> Int[ndarray, "k"]:
+def _first_of_each(number: Int[ndarray, " m"]) -> Int[ndarray, " k"]:
     """Return the first row of each run of equal numbers."""
     return np.flatnonzero(np.diff(number, prepend=-1))
 
@@ -105,17 +105,17 @@ class UnitShares:
         The unit's number of trials, relative to that of the largest unit, (units,).
     """
 
-    attempted: Float[ndarray, "units"]
-    succeeded: Float[ndarray, "units"]
-    size: Float[ndarray, "units"]
+    attempted: Float[ndarray, " units"]
+    succeeded: Float[ndarray, " units"]
+    size: Float[ndarray, " units"]
 
     @classmethod
     def at(
         cls,
         threshold: float,
-        probability: Float[ndarray, "n"],
-        success: Bool[ndarray, "n"],
-        number: Int[ndarray, "n"],
+        probability: Float[ndarray, " n"],
+        success: Bool[ndarray, " n"],
+        number: Int[ndarray, " n"],
     ) -> UnitShares:
         """Count attempts and successes by unit; units are numbered from 0, none left out."""
         attempt = probability >= threshold

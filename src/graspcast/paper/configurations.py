@@ -94,8 +94,8 @@ class Cell:
     """
 
     features: Float[ndarray, "n d"]
-    success: Bool[ndarray, "n"]
-    is_train: Bool[ndarray, "n"]
+    success: Bool[ndarray, " n"]
+    is_train: Bool[ndarray, " n"]
 
 
 def run(
@@ -106,7 +106,7 @@ def run(
     protocols: Iterable[Protocol] = PROTOCOLS,
     settings: MlpSettings | None = None,
     progress: Progress | None = None,
-) -> dict[Protocol, dict[CellKey, Float[ndarray, "test"]]]:
+) -> dict[Protocol, dict[CellKey, Float[ndarray, " test"]]]:
     """Train a configuration on every cell, and forecast each cell's test samples, in order.
 
     Parameters
@@ -215,9 +215,9 @@ def _share(
     out: dict[CellKey, ndarray],
     keys: list[CellKey],
     cells: Mapping[CellKey, Cell],
-    probability: Float[ndarray, "n"],
+    probability: Float[ndarray, " n"],
 ) -> None:
     """Split a pool's test probabilities into those of each cell."""
-    sizes: Int[ndarray, "cells"] = np.array([int((~cells[k].is_train).sum()) for k in keys])
+    sizes: Int[ndarray, " cells"] = np.array([int((~cells[k].is_train).sum()) for k in keys])
     parts = np.split(probability, np.cumsum(sizes)[:-1])
     out.update(zip(keys, parts, strict=True))

@@ -261,7 +261,7 @@ def _belonging(
     return _counted(results.select(~np.logical_or.reduce(list(bad.values()))), bad)
 
 
-def _counted(results: Results, left_out: Mapping[str, Bool[ndarray, "n"]]) -> Results:
+def _counted(results: Results, left_out: Mapping[str, Bool[ndarray, " n"]]) -> Results:
     """Add the numbers of skipped rows to ``dropped``."""
     counts = {reason: int(rows.sum()) for reason, rows in left_out.items() if rows.any()}
     return replace(results, dropped={**results.dropped, **counts})

@@ -65,7 +65,7 @@ _distances_parallel = njit(parallel=True, cache=True, fastmath=_FAST)(_distances
 
 def _mean_and_largest(
     difference: Float[ndarray, "n 3 4"], points: Float[ndarray, "v 3"]
-) -> tuple[Float[ndarray, "n"], Float[ndarray, "n"]]:
+) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
     threads = difference.shape[0] * len(points) > _WORTH_THREADS
     compiled = _distances_parallel if threads else _distances_serial
     mean, largest = compiled(np.ascontiguousarray(difference), np.ascontiguousarray(points.T))
@@ -112,7 +112,7 @@ def rotation_error(
     cam_T_est: Float[ndarray, "n 4 4"],
     cam_T_gt: Float[ndarray, "n 4 4"],
     symmetries: Float[ndarray, "s 4 4"] | None = None,
-) -> Float[ndarray, "n"]:
+) -> Float[ndarray, " n"]:
     """Compute the angle between the rotations, radians, the smallest over the symmetries.
 
     Symmetries are applied to the estimate, as in the paper's Table II. Applied to the true pose
@@ -127,14 +127,14 @@ def rotation_error(
 
 def translation_error(
     cam_T_est: Float[ndarray, "n 4 4"], cam_T_gt: Float[ndarray, "n 4 4"]
-) -> Float[ndarray, "n"]:
+) -> Float[ndarray, " n"]:
     """Compute the distance of the objects' origins, metres."""
     return np.linalg.norm(cam_T_est[:, :3, 3] - cam_T_gt[:, :3, 3], axis=-1)
 
 
 def ray_share(
     cam_T_est: Float[ndarray, "n 4 4"], cam_T_gt: Float[ndarray, "n 4 4"]
-) -> Float[ndarray, "n"]:
+) -> Float[ndarray, " n"]:
     """Compute the share of the translation error along the viewing ray, from 0 to 1.
 
     The ray points from the camera to the object's true origin. NaN if there is no error.
@@ -150,7 +150,7 @@ def add(
     cam_T_a: Float[ndarray, "n 4 4"],
     cam_T_b: Float[ndarray, "n 4 4"],
     points: Float[ndarray, "v 3"],
-) -> Float[ndarray, "n"]:
+) -> Float[ndarray, " n"]:
     """Compute ADD: the mean distance of the model's points under two poses, metres."""
     return _mean_and_largest((cam_T_a - cam_T_b)[:, :3], points)[0]
 
@@ -159,7 +159,7 @@ def add_s(
     cam_T_est: Float[ndarray, "n 4 4"],
     cam_T_gt: Float[ndarray, "n 4 4"],
     points: Float[ndarray, "v 3"],
-) -> Float[ndarray, "n"]:
+) -> Float[ndarray, " n"]:
     """Compute ADD-S: the mean distance of true points to the nearest estimated points, metres."""
     from scipy.spatial import cKDTree
 
@@ -176,7 +176,7 @@ def mssd(
     cam_T_gt: Float[ndarray, "n 4 4"],
     points: Float[ndarray, "v 3"],
     symmetries: Float[ndarray, "s 4 4"],
-) -> Float[ndarray, "n"]:
+) -> Float[ndarray, " n"]:
     """Compute MSSD, the maximum symmetry-aware surface distance, metres."""
     difference = (cam_T_est[:, None] - cam_T_gt[:, None] @ symmetries)[..., :3, :]
     _, largest = _mean_and_largest(difference.reshape(-1, 3, 4), points)
@@ -189,7 +189,7 @@ def mspd(
     points: Float[ndarray, "v 3"],
     symmetries: Float[ndarray, "s 4 4"],
     K: Float[ndarray, "n 3 3"],
-) -> Float[ndarray, "n"]:
+) -> Float[ndarray, " n"]:
     """Compute MSPD, the maximum symmetry-aware projection distance, pixels of the camera ``K``."""
     first = K @ cam_T_est[:, :3]
     second = K[:, None] @ (cam_T_gt[:, None] @ symmetries)[..., :3, :]

@@ -43,7 +43,7 @@ def is_placeholder(cam_T_obj: Float[ndarray, "*n 4 4"]) -> Bool[ndarray, "*n"]:
 
 
 def pose_problems(
-    cam_T_obj: Float[ndarray, "n 4 4"], diameter_m: Float[ndarray, "n"] | None = None
+    cam_T_obj: Float[ndarray, "n 4 4"], diameter_m: Float[ndarray, " n"] | None = None
 ) -> list[str]:
     """Say for each pose what is wrong with it, or nothing.
 

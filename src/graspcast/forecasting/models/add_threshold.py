@@ -27,7 +27,7 @@ __all__ = [
 ]
 
 
-def fit_threshold(disagreement: Float[ndarray, "n"], success: Bool[ndarray, "n"]) -> float:
+def fit_threshold(disagreement: Float[ndarray, " n"], success: Bool[ndarray, " n"]) -> float:
     """Return the threshold with the best accuracy on these samples.
 
     Candidates are all values but the smallest, and infinity; a sample strictly below the threshold
@@ -51,7 +51,7 @@ def fit_threshold(disagreement: Float[ndarray, "n"], success: Bool[ndarray, "n"]
 
 
 def fit_thresholds(
-    disagreement: Float[ndarray, "n"], success: Bool[ndarray, "n"], objects: ndarray
+    disagreement: Float[ndarray, " n"], success: Bool[ndarray, " n"], objects: ndarray
 ) -> dict[str, float]:
     """Fit one threshold for each object's name."""
     return {
@@ -61,8 +61,8 @@ def fit_thresholds(
 
 
 def predict_below(
-    disagreement: Float[ndarray, "n"], thresholds: dict[str, float], objects: ndarray
-) -> Bool[ndarray, "n"]:
+    disagreement: Float[ndarray, " n"], thresholds: dict[str, float], objects: ndarray
+) -> Bool[ndarray, " n"]:
     """Predict success where a sample lies below its object's threshold.
 
     Raises
@@ -88,13 +88,13 @@ class Thresholds:
         Success rates, (k + 1,).
     """
 
-    threshold: Float[ndarray, "k"]
-    rate_below: Float[ndarray, "k"]
-    rate_above: Float[ndarray, "k"]
+    threshold: Float[ndarray, " k"]
+    rate_below: Float[ndarray, " k"]
+    rate_above: Float[ndarray, " k"]
 
     @classmethod
     def fit(
-        cls, features: Float[ndarray, "n d"], success: Bool[ndarray, "n"], objects: ndarray
+        cls, features: Float[ndarray, "n d"], success: Bool[ndarray, " n"], objects: ndarray
     ) -> Thresholds:
         """Fit the threshold of each object number from 0 to the largest, and of all together."""
         value = features[:, 0]
@@ -108,7 +108,9 @@ class Thresholds:
             rows.append([threshold, *((success[s].sum() + 1) / (s.sum() + 2) for s in sides)])
         return cls(*np.array(rows, dtype=np.float64).T)
 
-    def probability(self, features: Float[ndarray, "n d"], objects: ndarray) -> Float[ndarray, "n"]:
+    def probability(
+        self, features: Float[ndarray, "n d"], objects: ndarray
+    ) -> Float[ndarray, " n"]:
         """Forecast the probability of success of each row."""
         below = features[:, 0] < self.threshold[objects]
         return np.where(below, self.rate_below[objects], self.rate_above[objects])

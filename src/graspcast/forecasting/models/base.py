@@ -14,7 +14,9 @@ __all__ = ["Predictor"]
 class Predictor(Protocol):
     """A trained model of grasp success; objects are numbers from 0, -1 an unseen one."""
 
-    def probability(self, features: Float[ndarray, "n d"], objects: ndarray) -> Float[ndarray, "n"]:
+    def probability(
+        self, features: Float[ndarray, "n d"], objects: ndarray
+    ) -> Float[ndarray, " n"]:
         """Forecast the probability of success of each row."""
         ...
 

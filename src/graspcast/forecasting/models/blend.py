@@ -103,12 +103,12 @@ class Blend:
     direct: Forest | None
     errors: ErrorModel | None
     success_given_error: SuccessGivenError | None
-    estimator: Float[ndarray, "k"]
-    tried: Bool[ndarray, "o"]
-    known: Bool[ndarray, "o"]
+    estimator: Float[ndarray, " k"]
+    tried: Bool[ndarray, " o"]
+    known: Bool[ndarray, " o"]
     weight: float
     draws: int
-    columns: Int[ndarray, "c"]
+    columns: Int[ndarray, " c"]
     calibration: Float[ndarray, "2 2"]
     out_of_fold: OutOfFold | None = None
 
@@ -149,7 +149,7 @@ class Blend:
         return replace(blend, calibration=calibration, out_of_fold=out_of_fold)
 
     def raw(
-        self, features: Float[ndarray, "n d"], numbers: Int[ndarray, "n"]
+        self, features: Float[ndarray, "n d"], numbers: Int[ndarray, " n"]
     ) -> Float[ndarray, "2 n"]:
         """Forecast without calibration: the average, and the two-stage model alone, (2, n).
 
@@ -182,8 +182,8 @@ class Blend:
         return np.stack([mixed, staged])
 
     def probability(
-        self, features: Float[ndarray, "n d"], objects: Int[ndarray, "n"]
-    ) -> Float[ndarray, "n"]:
+        self, features: Float[ndarray, "n d"], objects: Int[ndarray, " n"]
+    ) -> Float[ndarray, " n"]:
         """Forecast the probability of success of each row.
 
         Raises
@@ -260,7 +260,7 @@ def _out_of_fold(
     return predictions
 
 
-def _grow(matrix: DesignMatrix, rows: Bool[ndarray, "n"], settings: ForestSettings) -> Blend:
+def _grow(matrix: DesignMatrix, rows: Bool[ndarray, " n"], settings: ForestSettings) -> Blend:
     """Grow the forests from some of the instances, without calibration."""
     guide, instance = np.nonzero(~np.isnan(matrix.success) & rows)
     tried = np.bincount(matrix.numbers[instance], minlength=matrix.objects) > 0
@@ -304,8 +304,8 @@ def _grow(matrix: DesignMatrix, rows: Bool[ndarray, "n"], settings: ForestSettin
 
 def _grow_direct(
     matrix: DesignMatrix,
-    guide: Int[ndarray, "m"],
-    instance: Int[ndarray, "m"],
+    guide: Int[ndarray, " m"],
+    instance: Int[ndarray, " m"],
     settings: ForestSettings,
 ) -> Forest | None:
     """Grow the direct forest from all tried grasps; None if all outcomes are equal."""
@@ -329,10 +329,10 @@ def _grow_direct(
 
 def _trials(
     matrix: DesignMatrix,
-    guide: Int[ndarray, "m"],
-    instance: Int[ndarray, "m"],
-    tried: Bool[ndarray, "o"],
-) -> tuple[Float[ndarray, "t 4 4"], Int[ndarray, "t"], Bool[ndarray, "t"]]:
+    guide: Int[ndarray, " m"],
+    instance: Int[ndarray, " m"],
+    tried: Bool[ndarray, " o"],
+) -> tuple[Float[ndarray, "t 4 4"], Int[ndarray, " t"], Bool[ndarray, " t"]]:
     """Return pose errors, objects and outcomes of trials.
 
     Those of tried grasps, and simulated ones of objects that have no tried grasp.
@@ -352,7 +352,7 @@ def _trials(
     )
 
 
-def _columns(names: Sequence[str]) -> Int[ndarray, "c"]:
+def _columns(names: Sequence[str]) -> Int[ndarray, " c"]:
     """Return the numbers of the columns that :attr:`Blend.columns` describes."""
     inputs = [
         i

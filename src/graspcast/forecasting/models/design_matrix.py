@@ -56,7 +56,7 @@ class DesignMatrix:
     success: Float[ndarray, "k n"]
     truth: Float[ndarray, "k n 6"]
     obj_T_est: Float[ndarray, "k n 4 4"]
-    numbers: Int[ndarray, "n"]
+    numbers: Int[ndarray, " n"]
     groups: ndarray
     objects: int
     simulated: tuple[ndarray, ndarray, ndarray] | None
@@ -67,7 +67,7 @@ class DesignMatrix:
         return self.features[self.principal]
 
     @property
-    def is_tried(self) -> Bool[ndarray, "n"]:
+    def is_tried(self) -> Bool[ndarray, " n"]:
         """Which instances have an outcome of a grasp that the principal guided."""
         return ~np.isnan(self.success[self.principal])
 

@@ -33,6 +33,6 @@ UNSEEN = -1
 """The number of an object that was not trained on."""
 
 
-def one_hot_numbers(numbers: Int[ndarray, "n"], count: int) -> Float[ndarray, "n count"]:
+def one_hot_numbers(numbers: Int[ndarray, " n"], count: int) -> Float[ndarray, "n count"]:
     """Encode object numbers as one-hot rows; an unseen object (-1) is a row of zeros."""
     return np.concatenate([np.eye(count), np.zeros((1, count))])[numbers]

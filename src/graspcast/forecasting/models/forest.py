@@ -37,18 +37,18 @@ class Forest:
         First node of each tree, and the number of nodes, (trees + 1,).
     """
 
-    feature: Int[ndarray, "nodes"]
-    threshold: Float32[ndarray, "nodes"]
-    right: Int[ndarray, "nodes"]
-    value: Float32[ndarray, "nodes"]
-    roots: Int[ndarray, "trees_and_1"]
+    feature: Int[ndarray, " nodes"]
+    threshold: Float32[ndarray, " nodes"]
+    right: Int[ndarray, " nodes"]
+    value: Float32[ndarray, " nodes"]
+    roots: Int[ndarray, " trees_and_1"]
 
     @property
     def trees(self) -> int:
         """Number of trees."""
         return len(self.roots) - 1
 
-    def mean(self, rows: Float[ndarray, "n d"]) -> Float[ndarray, "n"]:
+    def mean(self, rows: Float[ndarray, "n d"]) -> Float[ndarray, " n"]:
         """Predict each row: the mean of the trees' predictions."""
         return _mean(np.ascontiguousarray(rows, np.float32), *self.arrays())
 

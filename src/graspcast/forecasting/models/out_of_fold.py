@@ -26,8 +26,8 @@ class OutOfFold:
         ``dataset/scene/image``, (m,).
     """
 
-    probability: Float[ndarray, "m"]
-    success: Bool[ndarray, "m"]
+    probability: Float[ndarray, " m"]
+    success: Bool[ndarray, " m"]
     image: ndarray
 
     def units(self, kind: str) -> ndarray:

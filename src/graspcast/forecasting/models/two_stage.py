@@ -51,9 +51,9 @@ class ErrorModel:
     """
 
     forest: Forest
-    first: Int[ndarray, "leaves_and_1"]
-    offset: Int[ndarray, "trees"]
-    members: Int[ndarray, "entries"]
+    first: Int[ndarray, " leaves_and_1"]
+    offset: Int[ndarray, " trees"]
+    members: Int[ndarray, " entries"]
     truth: Float[ndarray, "m 6"]
 
     @classmethod
@@ -103,7 +103,7 @@ class ErrorModel:
         )
 
 
-def _places(count: int) -> Float[ndarray, "count"]:
+def _places(count: int) -> Float[ndarray, " count"]:
     """Return evenly spread numbers in [0, 1): multiples of the golden ratio (low discrepancy)."""
     return np.asarray((np.arange(1, count + 1) * 0.6180339887498949) % 1.0)
 
@@ -128,8 +128,8 @@ class SuccessGivenError:
     def fit(
         cls,
         obj_T_est: Float[ndarray, "m 4 4"],
-        numbers: Int[ndarray, "m"],
-        success: Bool[ndarray, "m"],
+        numbers: Int[ndarray, " m"],
+        success: Bool[ndarray, " m"],
         *,
         objects: int,
         trees: int,
@@ -145,8 +145,8 @@ class SuccessGivenError:
         return cls(flatten(model), objects)
 
     def probability(
-        self, obj_T_est: Float[ndarray, "n 4 4"], numbers: Int[ndarray, "n"]
-    ) -> Float[ndarray, "n"]:
+        self, obj_T_est: Float[ndarray, "n 4 4"], numbers: Int[ndarray, " n"]
+    ) -> Float[ndarray, " n"]:
         """Forecast the probability of success of grasps guided by estimates with known errors."""
         return self.forest.mean(
             np.concatenate([_error_inputs(obj_T_est), np.eye(self.objects)[numbers]], axis=1)
@@ -164,12 +164,12 @@ def expected_success(
     success_given_error: SuccessGivenError,
     features: Float[ndarray, "n d"],
     axes: Float[ndarray, "n 3 3"],
-    distance: Float[ndarray, "n"],
-    numbers: Int[ndarray, "n"],
+    distance: Float[ndarray, " n"],
+    numbers: Int[ndarray, " n"],
     *,
     draws: int = 128,
     trees: int = 4,
-) -> Float[ndarray, "n"]:
+) -> Float[ndarray, " n"]:
     """Compute the probability of success, averaged over draws of the pose error.
 
     Parameters

@@ -66,8 +66,8 @@ class NetworkEnsemble:
         Networks of each pool: ``members[pool][i]``.
     """
 
-    shift: Float[ndarray, "d"]
-    scale: Float[ndarray, "d"]
+    shift: Float[ndarray, " d"]
+    scale: Float[ndarray, " d"]
     objects: int
     pools_objects: bool
     members: tuple[tuple[Mlp, ...], ...]
@@ -76,7 +76,7 @@ class NetworkEnsemble:
     def fit(
         cls,
         features: Float[ndarray, "n d"],
-        success: Bool[ndarray, "n"],
+        success: Bool[ndarray, " n"],
         objects: ndarray,
         settings: NetworkSettings,
         *,
@@ -122,7 +122,9 @@ class NetworkEnsemble:
             return scaled
         return np.concatenate([scaled, one_hot_numbers(objects, self.objects)], axis=1)
 
-    def probability(self, features: Float[ndarray, "n d"], objects: ndarray) -> Float[ndarray, "n"]:
+    def probability(
+        self, features: Float[ndarray, "n d"], objects: ndarray
+    ) -> Float[ndarray, " n"]:
         """Forecast the probability of success of each row: the members' mean.
 
         Raises

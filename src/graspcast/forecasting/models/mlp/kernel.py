@@ -81,7 +81,7 @@ class Network(NamedTuple):
     """Plan and parameters of a network, and buffers for one block of samples."""
 
     plan: Int64[ndarray, "layers 5"]
-    params: Float32[ndarray, "params"]
+    params: Float32[ndarray, " params"]
     acts: Float32[ndarray, " rows*lanes"]
     deltas: Float32[ndarray, " rows*lanes"]
 
@@ -90,19 +90,19 @@ class Training(NamedTuple):
     """Training samples, their order, and the state of the optimiser."""
 
     inputs: Float32[ndarray, " n*d"]
-    labels: Float32[ndarray, "n"]
-    order: Int64[ndarray, "n"]
-    places: Int64[ndarray, "lanes"]
+    labels: Float32[ndarray, " n"]
+    order: Int64[ndarray, " n"]
+    places: Int64[ndarray, " lanes"]
     random: UInt64[ndarray, " 1"]
-    grads: Float32[ndarray, "params"]
-    mean: Float32[ndarray, "params"]
-    square: Float32[ndarray, "params"]
+    grads: Float32[ndarray, " params"]
+    mean: Float32[ndarray, " params"]
+    square: Float32[ndarray, " params"]
 
 
 class Optimiser(NamedTuple):
     """Constants of Adam, and the learning rate of every epoch."""
 
-    rates: Float64[ndarray, "epochs"]
+    rates: Float64[ndarray, " epochs"]
     batch: int
     beta1: float
     beta2: float
@@ -113,8 +113,8 @@ class Validation(NamedTuple):
     """Validation samples, evaluated after every epoch, in blocks: (block, input, sample), flat."""
 
     blocks: Float32[ndarray, " blocks*d*lanes"]
-    labels: Bool[ndarray, "m"]
-    groups: Int64[ndarray, "m"]
+    labels: Bool[ndarray, " m"]
+    groups: Int64[ndarray, " m"]
     logits: Float32[ndarray, " blocks*lanes"]
     softplus: Float32[ndarray, " blocks*lanes"]
 
@@ -129,8 +129,8 @@ class History(NamedTuple):
     hits: Int32[ndarray, "epochs groups"]
     loss: Float64[ndarray, "epochs groups"]
     criteria: Int64[ndarray, "criteria 3"]
-    epochs: Int64[ndarray, "criteria"]
-    scores: Float64[ndarray, "criteria"]
+    epochs: Int64[ndarray, " criteria"]
+    scores: Float64[ndarray, " criteria"]
     params: Float32[ndarray, "criteria params"]
 
 

@@ -21,7 +21,7 @@ from graspcast.errors import InputError, MismatchError
 __all__ = ["Mlp", "probability"]
 
 
-def probability(logits: Float[ndarray, "n"]) -> Float[ndarray, "n"]:
+def probability(logits: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
     """Compute the logistic function in float64, without overflow."""
     z = np.asarray(logits, np.float64)
     e = np.exp(-np.abs(z))
@@ -34,7 +34,7 @@ class Mlp:
     """A network: float32 weights and biases of each layer; the last has one output."""
 
     weights: tuple[Float[ndarray, "_ _"], ...]
-    biases: tuple[Float[ndarray, "_"], ...]
+    biases: tuple[Float[ndarray, " _"], ...]
 
     @classmethod
     def random(cls, inputs: int, hidden: Sequence[int], seed: int) -> Mlp:
@@ -52,7 +52,7 @@ class Mlp:
         """The number of inputs, of the units of each hidden layer, and one for the output."""
         return (self.weights[0].shape[1], *(len(bias) for bias in self.biases))
 
-    def predict(self, inputs: Float[ndarray, "n d"]) -> Float[ndarray, "n"]:
+    def predict(self, inputs: Float[ndarray, "n d"]) -> Float[ndarray, " n"]:
         """Forecast the probability of success of each row.
 
         Raises

@@ -46,7 +46,7 @@ def lay_out(widths: Sequence[int]) -> Int64[ndarray, "layers 5"]:
     return np.array(plan, np.int64)
 
 
-def pack(mlp: Mlp, plan: Int64[ndarray, "layers 5"]) -> Float32[ndarray, "params"]:
+def pack(mlp: Mlp, plan: Int64[ndarray, "layers 5"]) -> Float32[ndarray, " params"]:
     """Convert the parameters to one flat, padded array."""
     flat = []
     for weight, bias, (n_in, n_out, *_) in zip(mlp.weights, mlp.biases, plan, strict=True):
@@ -58,7 +58,7 @@ def pack(mlp: Mlp, plan: Int64[ndarray, "layers 5"]) -> Float32[ndarray, "params
 
 
 def unpack(
-    params: Float32[ndarray, "params"], plan: Int64[ndarray, "layers 5"], widths: Sequence[int]
+    params: Float32[ndarray, " params"], plan: Int64[ndarray, "layers 5"], widths: Sequence[int]
 ) -> Mlp:
     """Restore what :func:`pack` converted."""
     weights, biases = [], []
@@ -183,10 +183,10 @@ class Run:
             at, first = at + 2 + len(names), first + len(names)
         return Trained(last, tuple(results))
 
-    def _checkpoint(self, epoch: int, params: Float32[ndarray, "params"]) -> Checkpoint:
+    def _checkpoint(self, epoch: int, params: Float32[ndarray, " params"]) -> Checkpoint:
         # Evaluated by the same compiled code as in training, so that the bits are equal.
         evaluate(self._network._replace(params=params), self._validation)
-        probabilities: list[Float[ndarray, "n"]] = np.split(
+        probabilities: list[Float[ndarray, " n"]] = np.split(
             probability(self._validation.logits[: sum(self._sizes)]), np.cumsum(self._sizes[:-1])
         )
         return Checkpoint(

@@ -61,7 +61,7 @@ class MlpSettings:
         if not (0 <= self.beta1 < 1 and 0 <= self.beta2 < 1):
             raise InputError(f"beta1 and beta2 must be in [0, 1): {self}")
 
-    def rates(self) -> Float[ndarray, "epochs"]:
+    def rates(self) -> Float[ndarray, " epochs"]:
         """Compute the learning rate of each epoch (Loshchilov and Hutter 2017, eq. 5)."""
         phase = np.pi * np.arange(self.epochs) / self.epochs
         return self.final_rate + (self.rate - self.final_rate) * 0.5 * (1 + np.cos(phase))
@@ -82,8 +82,8 @@ class ValidationSet:
     """
 
     inputs: Float[ndarray, "n d"]
-    labels: Bool[ndarray, "n"]
-    groups: Int[ndarray, "n"] | None = None
+    labels: Bool[ndarray, " n"]
+    groups: Int[ndarray, " n"] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ class Problem:
     """The training samples, validation sets and seed of one network."""
 
     inputs: Float[ndarray, "n d"]
-    labels: Bool[ndarray, "n"]
+    labels: Bool[ndarray, " n"]
     validation: tuple[ValidationSet, ...] = ()
     seed: int = 0
 
@@ -102,7 +102,7 @@ class Checkpoint:
 
     epoch: int
     mlp: Mlp
-    probabilities: tuple[Float[ndarray, "_"], ...]
+    probabilities: tuple[Float[ndarray, " _"], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,9 +126,9 @@ class ValidationResult:
         The first checkpoint with the lowest loss.
     """
 
-    accuracy: Float[ndarray, "epochs"]
-    accuracy_by_group: dict[int, Float[ndarray, "epochs"]]
-    loss: Float[ndarray, "epochs"]
+    accuracy: Float[ndarray, " epochs"]
+    accuracy_by_group: dict[int, Float[ndarray, " epochs"]]
+    loss: Float[ndarray, " epochs"]
     best: Checkpoint
     best_by_group: dict[int, Checkpoint]
     lowest_loss: Checkpoint
