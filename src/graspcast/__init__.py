@@ -1,8 +1,32 @@
 """Forecasts of grasp success from the pose estimates of several RGB pose estimators.
 
-Several RGB pose estimators look at the same object. One, the principal, would guide the grasp; from
-how the others disagree with it graspcast forecasts the grasp's success, and says whether to attempt
-it. Everything public is named here, and loaded when it is first asked for.
+One estimator, the principal, would guide the grasp. From how the others, its supporters, disagree
+with it, graspcast forecasts the probability of success, and decides: attempt the grasp, or abstain.
+
+A complete example, from files to verdicts and their score::
+
+    from graspcast import (
+        Forecaster, TrainingData, load_inputs, read_outcomes, score_verdicts, train_forecaster
+    )
+
+    names = ("epos", "gdrnpp", "zebrapose")
+    inputs = load_inputs([(n, f"{n}_lmo-test.csv") for n in names], bop=["lmo"])
+    estimates = inputs.estimates("gdrnpp")  # the principal's instances, with the others' poses
+    outcomes = read_outcomes("trials.csv")
+    data = TrainingData.join(
+        estimates, outcomes, "gdrnpp", "parallel", truth=inputs.truth(estimates, "gdrnpp")
+    )
+    forecaster = train_forecaster(data, models=inputs.models)
+    forecaster.save("model.npz")
+
+    frame = load_inputs([(n, f"{n}_today.csv") for n in names], bop=["lmo"])
+    rows = forecaster.predict_frame(frame.results["lmo"], "lmo", models=frame.models, threshold=0.8)
+    for row in rows:
+        print(row.key, row.verdict, row.verdict.reason)
+    print(score_verdicts(rows, read_outcomes("today.csv")))
+
+Lengths are metres, transforms 4x4 and named ``a_T_b`` (points of frame b into frame a), the camera
+frame is OpenCV's. Every name below is loaded when it is first used.
 """
 
 from __future__ import annotations
@@ -13,65 +37,45 @@ from typing import TYPE_CHECKING, Any
 from graspcast._version import __version__
 
 if TYPE_CHECKING:
-    from graspcast.bop.dataset import BopDataset, GroundTruth
-    from graspcast.bop.detections import Detections, read_detections
-    from graspcast.bop.models import Models
+    from graspcast.bop.dataset import BopDataset
+    from graspcast.bop.detections import read_detections
     from graspcast.bop.results import Results, read_results, write_results
     from graspcast.demo_data import demo_dataset
     from graspcast.errors import GraspcastError
-    from graspcast.estimates.alignment import Estimates, align, concatenate
-    from graspcast.estimates.error_tables import measure, summarise
-    from graspcast.estimates.instances import unit_names
-    from graspcast.estimates.matching import match
+    from graspcast.estimates.alignment import Estimates, align
+    from graspcast.estimates.error_tables import measure
+    from graspcast.estimates.instances import InstanceKey
+    from graspcast.estimates.loading import load_inputs
+    from graspcast.estimates.matching import true_poses
     from graspcast.estimates.outcomes import read_outcomes
     from graspcast.evaluation.certification import certify_forecaster
     from graspcast.evaluation.cross_validation import cross_validate
-    from graspcast.evaluation.estimator_comparison import Comparison, compare
-    from graspcast.evaluation.scores import Scores, score
-    from graspcast.evaluation.verdict_scores import VerdictScores, score_verdicts
-    from graspcast.forecasting.features import Features, consensus_features, describe, mean_add
+    from graspcast.evaluation.estimator_comparison import compare
+    from graspcast.evaluation.verdict_scores import score_verdicts
+    from graspcast.forecasting.fallbacks import Fallbacks
+    from graspcast.forecasting.features import consensus_features
     from graspcast.forecasting.forecaster import Forecaster
     from graspcast.forecasting.models.blend import ForestSettings
-    from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
     from graspcast.forecasting.train import train_forecaster
     from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
-    from graspcast.forecasting.verdict import (
-        Verdict,
-        decide,
-        read_verdicts,
-        verdict_rows,
-        write_verdicts,
-    )
-    from graspcast.guarantees.certificate import Certificate, Guarantee
-    from graspcast.guarantees.certify import certify
+    from graspcast.forecasting.verdict import Verdict, VerdictRow, read_verdicts, write_verdicts
+    from graspcast.guarantees.certificate import Certificate
     from graspcast.guarantees.drift_monitor import DriftMonitor
-    from graspcast.guarantees.threshold_sequence import ThresholdSequence, learn_sequence
-    from graspcast.paper.dataset import Published
-    from graspcast.paper.release import import_release
     from graspcast.paper.tables import reproduce
     from graspcast.perception.conformance import check_estimator
     from graspcast.perception.estimator import Estimator, built_in
-    from graspcast.rendering.synthetic.dataset import render_dataset
     from graspcast.simulation.campaign.campaign import run_campaign
     from graspcast.simulation.campaign.from_estimates import trials_from_estimates
     from graspcast.simulation.campaign.jobs import load_setups
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.load import load_object
-    from graspcast.simulation.objects.types import Grasp, GraspObject
     from graspcast.simulation.trial.gripper_conformance import check_gripper
-    from graspcast.simulation.trial.trial import Outcome, TrialRunner
+    from graspcast.simulation.trial.trial import TrialRunner
 
 _HOME = {
-    "bop.dataset": (
-        "BopDataset",
-        "GroundTruth",
-    ),
-    "bop.detections": (
-        "Detections",
-        "read_detections",
-    ),
-    "bop.models": ("Models",),
+    "bop.dataset": ("BopDataset",),
+    "bop.detections": ("read_detections",),
     "bop.results": (
         "Results",
         "read_results",
@@ -82,38 +86,20 @@ _HOME = {
     "estimates.alignment": (
         "Estimates",
         "align",
-        "concatenate",
     ),
-    "estimates.error_tables": (
-        "measure",
-        "summarise",
-    ),
-    "estimates.instances": ("unit_names",),
-    "estimates.matching": ("match",),
+    "estimates.error_tables": ("measure",),
+    "estimates.instances": ("InstanceKey",),
+    "estimates.loading": ("load_inputs",),
+    "estimates.matching": ("true_poses",),
     "estimates.outcomes": ("read_outcomes",),
     "evaluation.certification": ("certify_forecaster",),
     "evaluation.cross_validation": ("cross_validate",),
-    "evaluation.estimator_comparison": (
-        "Comparison",
-        "compare",
-    ),
-    "evaluation.scores": (
-        "Scores",
-        "score",
-    ),
-    "evaluation.verdict_scores": (
-        "VerdictScores",
-        "score_verdicts",
-    ),
-    "forecasting.features": (
-        "Features",
-        "consensus_features",
-        "describe",
-        "mean_add",
-    ),
+    "evaluation.estimator_comparison": ("compare",),
+    "evaluation.verdict_scores": ("score_verdicts",),
+    "forecasting.fallbacks": ("Fallbacks",),
+    "forecasting.features": ("consensus_features",),
     "forecasting.forecaster": ("Forecaster",),
     "forecasting.models.blend": ("ForestSettings",),
-    "forecasting.models.mlp.ensemble": ("NetworkSettings",),
     "forecasting.train": ("train_forecaster",),
     "forecasting.training_data": (
         "SimulatedTrials",
@@ -121,45 +107,26 @@ _HOME = {
     ),
     "forecasting.verdict": (
         "Verdict",
-        "decide",
+        "VerdictRow",
         "read_verdicts",
-        "verdict_rows",
         "write_verdicts",
     ),
-    "guarantees.certificate": (
-        "Guarantee",
-        "Certificate",
-    ),
-    "guarantees.certify": ("certify",),
+    "guarantees.certificate": ("Certificate",),
     "guarantees.drift_monitor": ("DriftMonitor",),
-    "guarantees.threshold_sequence": (
-        "ThresholdSequence",
-        "learn_sequence",
-    ),
-    "paper.dataset": ("Published",),
-    "paper.release": ("import_release",),
     "paper.tables": ("reproduce",),
     "perception.conformance": ("check_estimator",),
     "perception.estimator": (
         "Estimator",
         "built_in",
     ),
-    "rendering.synthetic.dataset": ("render_dataset",),
     "simulation.campaign.campaign": ("run_campaign",),
     "simulation.campaign.from_estimates": ("trials_from_estimates",),
     "simulation.campaign.jobs": ("load_setups",),
     "simulation.grasps.table": ("read_grasps",),
     "simulation.grippers": ("load_gripper",),
     "simulation.objects.load": ("load_object",),
-    "simulation.objects.types": (
-        "Grasp",
-        "GraspObject",
-    ),
     "simulation.trial.gripper_conformance": ("check_gripper",),
-    "simulation.trial.trial": (
-        "Outcome",
-        "TrialRunner",
-    ),
+    "simulation.trial.trial": ("TrialRunner",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

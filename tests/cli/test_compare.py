@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from commands import refused
 from graspcast.bop.results import write_results
 from graspcast.cli import main
 from graspcast.evaluation.paired_differences import FORECAST_MEASURES, PRINCIPAL_MEASURES
@@ -35,14 +36,13 @@ def arguments(folder: Path, *more: str, names: str = "abc", gripper: str = "para
     for name in names:
         out += ["--estimates", f"{name}={folder / f'{name}_made-test.csv'}"]
     out += ["--outcomes", str(folder / "outcomes.csv"), "--trees", "4", "--folds", "2"]
-    return [*out, "--bootstrap", "20", *more]
+    return [*out, "--bootstrap", "20", "--method", "direct", *more]
 
 
 def test_the_verb_prints_what_it_writes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = folder / "compare.json"
     assert main(arguments(folder, "--json", str(path))) == 0
     out, err = capsys.readouterr()
-    assert "the direct forest alone, since two stages need truth" in err
     assert "no instance has an outcome of c" in err
     figures = json.loads(path.read_text())["compare"]
     keys = ["gripper", "estimators", "principals", "common", "settings", "recommendation"]
@@ -93,3 +93,11 @@ def test_mistakes_are_one_line(
     last = err.strip().splitlines()[-1]
     assert last.startswith("graspcast compare: ")
     assert re.search(message, last), last
+
+
+def test_the_default_method_needs_ground_truth(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = refused(arguments(folder, "--method", "blend"), capsys)
+    assert "need ground truth" in said
+    assert "(see --ground-truth, --bop, --method)" in said

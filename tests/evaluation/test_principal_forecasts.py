@@ -37,7 +37,7 @@ def test_principals_are_the_estimators_with_outcomes(tmp_path: Path) -> None:
     world = EstimatorWorld.make(60, scenes=6)
     given = inputs(tmp_path, world)
     outcomes = world.outcomes.filter((pl.col("estimator") == "a") | (pl.col("scene_id") < 3))
-    found = principal_training_data(given, outcomes, "parallel")
+    found = principal_training_data(given, outcomes, "parallel", with_truth=False)
     assert [each.principal for each in found] == ["a", "b"]
     assert all(each.estimates.estimators == ("a", "b", "c") for each in found)
     assert [len(each.tried()) for each in found] == [60, 30]
@@ -45,14 +45,22 @@ def test_principals_are_the_estimators_with_outcomes(tmp_path: Path) -> None:
     assert "30 instances have no outcome of b" in given.notes
 
 
+def test_missing_ground_truth_is_an_error_unless_none_is_wanted(tmp_path: Path) -> None:
+    world = EstimatorWorld.make(60, scenes=6)
+    with pytest.raises(
+        InputError, match=r"need ground truth: none of the instances .* direct, which"
+    ):
+        principal_training_data(inputs(tmp_path, world), world.outcomes, "parallel")
+
+
 def test_without_outcomes_there_is_no_principal(tmp_path: Path) -> None:
     world = EstimatorWorld.make(60, scenes=6)
     given = inputs(tmp_path, world)
     with pytest.raises(UnknownNameError, match="unknown gripper 'vacuum'; known: parallel"):
-        principal_training_data(given, world.outcomes, "vacuum")
+        principal_training_data(given, world.outcomes, "vacuum", with_truth=False)
     elsewhere = world.outcomes.with_columns(scene_id=pl.col("scene_id") + 100)
     with pytest.raises(MismatchError, match="of the same dataset and scenes"):
-        principal_training_data(given, elsewhere, "parallel")
+        principal_training_data(given, elsewhere, "parallel", with_truth=False)
 
 
 def test_only_instances_with_every_forecast_are_kept() -> None:

@@ -63,6 +63,12 @@ def add(verbs: Verbs) -> None:
         help="folds of scenes, 2 or more (default: 5)",
     )
     verb.add_argument(
+        "--method",
+        choices=("blend", "direct"),
+        default="blend",
+        help="as for train; direct needs no ground truth (default: blend)",
+    )
+    verb.add_argument(
         "--bootstrap",
         metavar="N",
         type=positive,
@@ -84,7 +90,9 @@ def _compare(options: argparse.Namespace) -> None:
     # Before outcomes are read: two estimators are needed, whatever the outcomes are.
     estimators = inputs.estimates().estimators
     outcomes = load_outcomes(options.outcomes, estimators)
-    training_data = principal_training_data(inputs, outcomes, options.gripper)
+    training_data = principal_training_data(
+        inputs, outcomes, options.gripper, with_truth=options.method == "blend"
+    )
     note(*inputs.notes)
     with progress_bar("cross-validating") as move:
         found = compare(

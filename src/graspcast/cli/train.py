@@ -20,9 +20,6 @@ from graspcast.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from numpy import ndarray
-
-    from graspcast.estimates.alignment import Estimates
     from graspcast.estimates.loading import Inputs
     from graspcast.forecasting.training_data import TrainingData
 
@@ -190,7 +187,7 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
         simulated = SimulatedTrials.read(options.simulated, options.gripper)
     truth = None
     if options.method in ("blend", "two-stage"):
-        truth = _ground_truth(options, inputs, estimates)
+        truth = inputs.truth(estimates, options.principal)
     data = TrainingData.join(
         estimates, outcomes, options.principal, options.gripper, truth=truth, simulated=simulated
     )
@@ -199,33 +196,6 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
     if truth is not None and (unknown := int((~data.has_truth).sum())):
         inputs.notes.append(f"{unknown} instances have no ground truth")
     return data
-
-
-def _ground_truth(options: argparse.Namespace, inputs: Inputs, estimates: Estimates) -> ndarray:
-    """Return the true poses, NaN where unknown.
-
-    Raises
-    ------
-    InputError
-        If not one is known.
-    """
-    import numpy as np
-
-    from graspcast.errors import GraspcastError, InputError
-    from graspcast.estimates.matching import true_poses
-
-    problem = "none of the instances has a known true pose"
-    try:
-        truth = true_poses(estimates, options.principal, inputs.datasets)
-        if np.isfinite(truth).any():
-            return truth
-    except GraspcastError as error:
-        problem = str(error)
-    raise InputError(
-        f"the method {options.method} needs ground truth: {problem}; give the datasets' ground "
-        "truth, or choose the method direct, which needs none",
-        parameters=("ground_truth", "bop", "method"),
-    )
 
 
 def _figure(value: float | int | None) -> str:

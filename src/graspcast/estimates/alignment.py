@@ -210,7 +210,13 @@ def assign(
     return rows, columns
 
 
-def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = None) -> Estimates:
+def align(
+    results: Mapping[str, Results],
+    *,
+    dataset: str,
+    anchor: str | None = None,
+    required: bool = True,
+) -> Estimates:
     """Align K >= 2 estimators' results of one dataset.
 
     Parameters
@@ -221,6 +227,8 @@ def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = 
         The dataset's name.
     anchor
         The estimator whose estimates are the instances; by default the first.
+    required
+        Whether it is an error that no instance has a pose by all of them.
 
     Raises
     ------
@@ -229,7 +237,7 @@ def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = 
     UnknownNameError
         For an anchor that is none of them.
     MismatchError
-        If no instance has a pose by all of them.
+        If no instance has a pose by all of them, and one is required.
     """
     names = tuple(results)
     if len(names) < 2:
@@ -262,13 +270,13 @@ def align(results: Mapping[str, Results], *, dataset: str, anchor: str | None = 
                 incomplete.append(IncompleteInstance(key, without, pose))
             else:
                 kept.append((key, [r for r in found if r is not None]))
-    if not kept:
+    if not kept and required:
         sizes = ", ".join(f"{name}: {len(table)} rows" for name, table in results.items())
         raise MismatchError(
             f"no instance of {dataset} has a pose by every estimator ({sizes}); are these files "
             "of the same dataset and split?"
         )
-    picked = np.array([rows for _, rows in kept], dtype=np.int64).T
+    picked = np.array([rows for _, rows in kept], dtype=np.int64).reshape(-1, len(names)).T
     return Estimates(
         estimators=names,
         instances=Instances.of([key for key, _ in kept]),

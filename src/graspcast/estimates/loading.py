@@ -67,13 +67,29 @@ class Inputs:
             for number in set(table.obj_id.tolist())
         }
 
-    def truth(self, estimates: Estimates, principal: str) -> Float[ndarray, "n 4 4"] | None:
-        """``cam_T_obj`` of the instances; None, and a note of why, without ground truth."""
+    def truth(self, estimates: Estimates, principal: str) -> Float[ndarray, "n 4 4"]:
+        """Return the true ``cam_T_obj`` of the instances, NaN where unknown, (n, 4, 4).
+
+        Of several instances of an object in an image it is the one that matches the principal's
+        estimate.
+
+        Raises
+        ------
+        InputError
+            If not one is known: there is no ground truth, or it is of other images.
+        """
+        problem = "none of the instances has a known true pose"
         try:
-            return true_poses(estimates, principal, self.datasets)
+            truth = true_poses(estimates, principal, self.datasets)
+            if np.isfinite(truth).any():
+                return truth
         except GraspcastError as error:
-            self.notes.append(f"the direct forest alone, since two stages need truth: {error}")
-            return None
+            problem = str(error)
+        raise InputError(
+            f"the methods blend and two-stage need ground truth: {problem}; give the datasets' "
+            "ground truth, or choose the method direct, which needs none",
+            parameters=("ground_truth", "bop", "method"),
+        )
 
     def estimates(
         self, anchor: str | None = None, *, only: Collection[str] | None = None

@@ -28,7 +28,7 @@ __all__ = [
 
 
 def principal_training_data(
-    inputs: Inputs, outcomes: pl.DataFrame, gripper: str
+    inputs: Inputs, outcomes: pl.DataFrame, gripper: str, *, with_truth: bool = True
 ) -> list[TrainingData]:
     """Return the training data of each estimator that has outcomes with a gripper as principal.
 
@@ -40,9 +40,13 @@ def principal_training_data(
         As :func:`graspcast.estimates.outcomes.read_outcomes` returns them.
     gripper
         Its name.
+    with_truth
+        Whether to look up true poses, which the method blend needs; without them it is direct.
 
     Raises
     ------
+    InputError
+        If true poses are wanted and there are none.
     UnknownNameError
         For a gripper without outcomes.
     MismatchError
@@ -52,7 +56,7 @@ def principal_training_data(
     out = []
     for name in names:
         estimates = inputs.estimates(name)
-        truth = inputs.truth(estimates, name)
+        truth = inputs.truth(estimates, name) if with_truth else None
         try:
             data = TrainingData.join(estimates, outcomes, name, gripper, truth=truth)
         except MismatchError as error:

@@ -15,8 +15,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.bop.models import Models
+from graspcast.bop.results import Results
 from graspcast.errors import FormatError, InputError, MismatchError
-from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.alignment import Estimates, align
 from graspcast.estimates.instances import InstanceKey, Instances, split_object_name
 from graspcast.forecasting.attribution import attributions
 from graspcast.forecasting.features import (
@@ -30,7 +31,14 @@ from graspcast.forecasting.models.blend import Blend
 from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble
 from graspcast.forecasting.novelty import Novelty
-from graspcast.forecasting.verdict import OOD_ALPHA, Verdict, check_threshold, decide
+from graspcast.forecasting.verdict import (
+    OOD_ALPHA,
+    Verdict,
+    VerdictRow,
+    check_threshold,
+    decide,
+    verdict_rows,
+)
 from graspcast.io.files import atomic_write
 
 __all__ = ["KINDS", "Forecaster"]
@@ -223,6 +231,52 @@ class Forecaster:
             estimates, models, threshold=threshold, ood_alpha=ood_alpha, explain=explain
         )
         return verdict
+
+    def predict_frame(
+        self,
+        results: Mapping[str, Results],
+        dataset: str,
+        *,
+        threshold: float = 0.5,
+        models: Mapping[str, Models] | None = None,
+        ood_alpha: float = OOD_ALPHA,
+        explain: bool = False,
+    ) -> list[VerdictRow]:
+        """Decide on every instance that the principal found in an image, or in several.
+
+        Parameters
+        ----------
+        results
+            Estimator's name to all that it found, of any objects
+            (:meth:`graspcast.bop.results.Results.from_frame` makes it from arrays).
+        dataset
+            The dataset's name, as in training.
+        threshold, models, ood_alpha, explain
+            As for :meth:`predict`.
+
+        Returns
+        -------
+            One row for each estimate of the principal's, ordered by instance. Where a supporter
+            found nothing the verdict is to abstain.
+
+        Raises
+        ------
+        MismatchError
+            For other estimators or objects than it was trained for.
+        InputError
+            For a threshold outside [0, 1].
+        """
+        check_threshold(threshold)
+        self._check_estimators(results)
+        card = self.card
+        mine = {name: results[name] for name in card.estimators}
+        estimates = align(mine, dataset=dataset, anchor=card.principal, required=False)
+        verdicts: list[Verdict] = []
+        if len(estimates):
+            verdicts = self.verdicts(
+                estimates, models, threshold=threshold, ood_alpha=ood_alpha, explain=explain
+            )
+        return verdict_rows(estimates, verdicts, principal=card.principal, gripper=card.gripper)
 
     def _inputs(
         self, estimates: Estimates, models: Mapping[str, Models] | None, unseen: bool = False
