@@ -20,6 +20,8 @@ from graspcast.pose.transforms import compose, invert
 
 __all__ = ["DesignMatrix"]
 
+_ROUNDING = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class DesignMatrix:
@@ -92,9 +94,12 @@ class DesignMatrix:
             poses = estimates.of(name)
             est_T_true = compose(invert(poses), training_data.truth)
             if stored is not None:
-                # A campaign's own error, not one derived again by another matching.
-                stated = np.isfinite(stored[k]).all(axis=(1, 2))
-                est_T_true[stated] = invert(stored[k][stated])
+                # A campaign's own error, not one derived again by another matching. Where they are
+                # the same but for rounding, forests grow the same from outcomes of either kind.
+                stated = invert(stored[k])
+                same = np.abs(stated - est_T_true).max(axis=(1, 2)) < _ROUNDING
+                other = np.isfinite(stated).all(axis=(1, 2)) & ~same
+                est_T_true[other] = stated[other]
             est_T_true = nearest_truth(est_T_true, estimates.dataset, estimates.obj_id, models)
             known = np.isfinite(est_T_true).all(axis=(1, 2))
             near = compose(poses, est_T_true)
