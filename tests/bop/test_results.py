@@ -31,6 +31,7 @@ def test_poses_come_back_without_any_error(tmp_path: Path) -> None:
     rotation = random_poses(200)
     # Translations as a file in millimetres would give them, of all magnitudes.
     rotation[:, :3, 3] = metres(np.random.default_rng(0).normal(scale=3000, size=(200, 3)))
+    rotation[:, 2, 3] = np.abs(rotation[:, 2, 3])
     write_results(path, results_of(rotation))
     back = read_results(path)
     assert_array_equal(back.cam_T_obj, rotation)
@@ -314,3 +315,24 @@ def test_what_is_no_pose(matrix: Any) -> None:
 def test_the_representation_is_short(some: Results) -> None:
     assert repr(some) == "Results(7 poses of 1 object in 7 images, ours_lmo-test.csv)"
     assert repr(some.select(np.array([0]))).startswith("Results(1 pose of 1 object in 1 image, ")
+
+
+def test_zero_translation_is_a_placeholder_whatever_the_rotation(tmp_path: Path) -> None:
+    poses = random_poses(6, 2)
+    poses[[1, 4], :3, 3] = 0
+    write_results(tmp_path / "a_lmo-test.csv", results_of(poses))
+    back = read_results(tmp_path / "a_lmo-test.csv")
+    assert back.im_id.tolist() == [0, 2, 3, 5]
+    assert back.dropped == {"placeholder": 2}
+    assert len(read_results(tmp_path / "a_lmo-test.csv", placeholders=True)) == 6
+
+
+def test_objects_behind_the_camera_are_refused(tmp_path: Path) -> None:
+    poses = random_poses(6, 2)
+    poses[3, 2, 3] = -0.5
+    write_results(tmp_path / "a_lmo-test.csv", results_of(poses))
+    with pytest.raises(
+        FormatError, match=r"line 5: the object is behind the camera \(t_z is -500 mm"
+    ):
+        read_results(tmp_path / "a_lmo-test.csv")
+    assert len(read_results(tmp_path / "a_lmo-test.csv", lenient=True)) == 5

@@ -20,7 +20,7 @@ from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
 from graspcast.forecasting.train import train_forecaster
 from graspcast.forecasting.training_data import TrainingData
-from poses import write_models
+from poses import random_poses, write_models
 
 SHORT = NetworkSettings(members=2, optimiser=MlpSettings(epochs=80, rate=1e-2))
 WAYS = [("threshold", "paper"), ("MLP", "paper"), ("MLP-O", "paper"), ("MLP-O", "rich")]
@@ -117,16 +117,16 @@ def test_other_estimators_and_objects_are_refused(
         forecaster.probability(synthetic.estimates(6, objects=(1, 7)))
     for name in ("d-7", "e-1", "ape", "", "d-", "d-²", "d-" + 30 * "9"):
         with pytest.raises(MismatchError, match="it knows d-1, d-2"):
-            forecaster.predict(dict.fromkeys("abc", pose), name)
+            forecaster.predict({name: pose.copy() for name in "abc"}, name)
     for way in (("threshold", "paper"), ("MLP-O", "rich")):
         assert trained[way].needs_models
         with pytest.raises(
             MismatchError, match="models for dataset 'd'; there are models of: none"
         ):
-            trained[way].predict(dict.fromkeys("abc", pose), "d-1")
+            trained[way].predict({name: pose.copy() for name in "abc"}, "d-1")
         with pytest.raises(MismatchError, match="there are models of: lmo, ycbv"):
             elsewhere = {"lmo": models["d"], "ycbv": models["d"]}
-            trained[way].predict(dict.fromkeys("abc", pose), "d-1", models=elsewhere)
+            trained[way].predict({name: pose.copy() for name in "abc"}, "d-1", models=elsewhere)
     assert not forecaster.needs_models
 
 
@@ -135,13 +135,13 @@ def test_what_is_no_pose_or_no_probability_is_refused(
     trained: dict[tuple[str, str], Forecaster],
 ) -> None:
     forecaster = trained["MLP-O", "paper"]
-    pose = np.eye(4)
-    for bad in (np.eye(3), np.full((4, 4), np.nan), np.zeros((1, 4, 4))):
-        with pytest.raises(InputError, match="the pose by b is not a 4x4 matrix of finite numbers"):
-            forecaster.predict({"a": pose, "b": bad, "c": pose}, "d-1")
+    pose = random_poses(1)[0]
+    for bad in (np.eye(3), np.zeros((1, 4, 4)), "pose"):
+        with pytest.raises(InputError, match="the pose by b is not a 4x4 matrix of numbers"):
+            forecaster.predict({"a": pose, "b": bad, "c": pose.copy()}, "d-1")
     for threshold in (-0.1, 1.1, float("nan")):
         with pytest.raises(InputError, match="a probability between 0 and 1"):
-            forecaster.predict(dict.fromkeys("abc", pose), "d-1", threshold=threshold)
+            forecaster.predict({name: pose.copy() for name in "abc"}, "d-1", threshold=threshold)
 
 
 # --- Cross-validation -----------------------------------------------------------------------------

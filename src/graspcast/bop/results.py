@@ -95,7 +95,7 @@ class Results:
         lenient
             Skip bad rows and count them in ``dropped["bad row"]``, instead of raising.
         placeholders
-            Keep placeholders (identity poses, for "nothing found").
+            Keep placeholders (poses with zero translation, for "nothing found").
 
         Raises
         ------
@@ -172,7 +172,7 @@ def read_results(
 ) -> Results:
     """Read a BOP results CSV.
 
-    Rows whose pose is the identity with zero translation are an estimator's placeholder for
+    Rows whose translation is zero, whatever the rotation, are an estimator's placeholder for
     "nothing found"; they are dropped and counted in ``dropped["placeholder"]``.
 
     Parameters

@@ -14,7 +14,8 @@ from numpy import ndarray
 from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError
-from graspcast.pose.transforms import is_identity, transform
+from graspcast.pose.sanity import is_placeholder
+from graspcast.pose.transforms import transform
 
 __all__ = ["COLUMNS", "ParsedRows", "checked_rows", "parse_rows"]
 
@@ -166,7 +167,7 @@ def checked_rows(parsed: ParsedRows, *, placeholders: bool) -> dict[str, Any]:
     parsed
         The rows.
     placeholders
-        Keep placeholders (identity poses, for "nothing found").
+        Keep placeholders (poses with zero translation, for "nothing found").
 
     Returns
     -------
@@ -179,11 +180,15 @@ def checked_rows(parsed: ParsedRows, *, placeholders: bool) -> dict[str, Any]:
     """
     columns = parsed.columns
     translation_mm = columns["t"]
-    placeholder = is_identity(transform(columns["R"], translation_mm)) & (not placeholders)
+    is_at_centre = is_placeholder(transform(columns["R"], translation_mm))
+    placeholder = is_at_centre & (not placeholders)
     keep = ~placeholder
     rotation, distance = checked_rotations(columns["R"])
     for i in np.flatnonzero((distance > MAX_ROTATION_DEVIATION) & keep).tolist():
         parsed.reject(i, f"R is {distance[i]:.3g} away from the nearest rotation matrix")
+        keep[i] = False
+    for i in np.flatnonzero((translation_mm[:, 2] <= 0) & keep & ~is_at_centre).tolist():
+        parsed.reject(i, f"the object is behind the camera (t_z is {translation_mm[i, 2]:g} mm)")
         keep[i] = False
     keys = np.stack([columns[name] for name in COLUMNS[:3]], axis=1)
     seen: dict[tuple[object, ...], int] = {}

@@ -6,12 +6,11 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from graspcast.pose.sanity import MAX_ROTATION_DEVIATION
 from graspcast.pose.transforms import project_to_rotation
 
 __all__ = ["MAX_ROTATION_DEVIATION", "checked_rotations"]
 
-MAX_ROTATION_DEVIATION = 0.02
-"""Frobenius distance to the nearest rotation from which a matrix is refused."""
 _ROUNDING = 1e-5
 """Below this distance a matrix is a rotation rounded to single precision, and is not changed."""
 

@@ -16,9 +16,8 @@ from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
-from graspcast.errors import FormatError, InputError, MismatchError
+from graspcast.errors import FormatError, MismatchError
 from graspcast.estimates.alignment import Estimates, align
-from graspcast.estimates.instances import InstanceKey, Instances, split_object_name
 from graspcast.forecasting.attribution import attributions
 from graspcast.forecasting.features import (
     Features,
@@ -31,6 +30,7 @@ from graspcast.forecasting.models.blend import Blend
 from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble
 from graspcast.forecasting.novelty import Novelty
+from graspcast.forecasting.pose_checks import estimate_problems, estimates_of_one
 from graspcast.forecasting.verdict import (
     OOD_ALPHA,
     Verdict,
@@ -144,6 +144,8 @@ class Forecaster:
     ) -> list[Verdict]:
         """Decide on every instance: attempt the grasp, or abstain.
 
+        Abstain where the pose by some estimator is not sane (:mod:`graspcast.pose.sanity`).
+
         Parameters
         ----------
         estimates, models
@@ -162,6 +164,15 @@ class Forecaster:
         MismatchError
             As :meth:`probability`.
         """
+        problems = estimate_problems(estimates.only(*self.card.estimators), models)
+        sane = np.array([not problem for problem in problems], dtype=bool)
+        if not sane.all():
+            options: dict[str, Any] = {"threshold": threshold, "guarantee": guarantee}
+            options |= {"ood_alpha": ood_alpha, "explain": explain}
+            decided = iter(
+                self.verdicts(estimates.select(sane), models, **options) if sane.any() else ()
+            )
+            return [Verdict(False, None, why) if why else next(decided) for why in problems]
         found, numbers = self._inputs(estimates, models)
         attribution: Iterable[tuple[tuple[str, float], ...]] = repeat((), len(estimates))
         if explain:
@@ -185,7 +196,7 @@ class Forecaster:
 
     def predict(
         self,
-        poses: Mapping[str, Float[ndarray, "4 4"]],
+        poses: Mapping[str, Float[ndarray, "4 4"] | None],
         object_name: str,
         *,
         threshold: float = 0.5,
@@ -198,7 +209,8 @@ class Forecaster:
         Parameters
         ----------
         poses
-            Estimator's name to its ``cam_T_obj``, metres.
+            Estimator's name to its ``cam_T_obj``, metres; None or a pose at the camera's centre
+            where it found nothing: the verdict is to abstain.
         object_name
             ``dataset-number``, as in ``lmo-1``.
         threshold
@@ -213,20 +225,13 @@ class Forecaster:
         MismatchError
             For other estimators or objects than it was trained for.
         InputError
-            For a pose that is not a 4x4 matrix of finite numbers, or a threshold outside [0, 1].
+            For a pose that no object in front of a camera can have, two estimators with one and
+            the same array, or a threshold outside [0, 1].
         """
         check_threshold(threshold)
         self._check_estimators(poses)
         self._object_numbers(np.array([object_name]))
-        dataset, obj_id = split_object_name(object_name)
-        for name, pose in poses.items():
-            if np.shape(pose) != (4, 4) or not np.isfinite(pose).all():
-                raise InputError(f"the pose by {name} is not a 4x4 matrix of finite numbers")
-        estimates = Estimates(
-            estimators=tuple(poses),
-            instances=Instances.of([InstanceKey(dataset, 0, 0, obj_id, 0)]),
-            cam_T_obj=np.stack([np.asarray(p, np.float64)[None] for p in poses.values()]),
-        )
+        estimates = estimates_of_one(poses, object_name, models)
         (verdict,) = self.verdicts(
             estimates, models, threshold=threshold, ood_alpha=ood_alpha, explain=explain
         )

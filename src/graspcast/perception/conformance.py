@@ -15,7 +15,8 @@ from graspcast.bop.detections import Detections
 from graspcast.errors import GraspcastError, InputError
 from graspcast.io.conformance import Check, Report, UnmetError
 from graspcast.perception.estimator import Estimator, Poses
-from graspcast.pose.transforms import is_identity, project_to_rotation
+from graspcast.pose.sanity import is_placeholder
+from graspcast.pose.transforms import project_to_rotation
 
 __all__ = ["EstimatorReport", "check_estimator"]
 
@@ -133,7 +134,7 @@ def _output(estimator: Estimator, trials: _Trials) -> str:
                 f"shape {scores}; expected {(len(seen), 4, 4)} and {(len(seen),)}"
             )
         trials.outputs.append(poses)
-    found = sum(int((~is_identity(p.cam_T_obj)).sum()) for p in trials.outputs)
+    found = sum(int((~is_placeholder(p.cam_T_obj)).sum()) for p in trials.outputs)
     asked = sum(len(p.score) for p in trials.outputs)
     if not found:
         raise UnmetError(f"found nothing in any of {asked} detections")
@@ -142,7 +143,7 @@ def _output(estimator: Estimator, trials: _Trials) -> str:
 
 def _found(trials: _Trials) -> Float[ndarray, "n 4 4"]:
     poses = np.concatenate([p.cam_T_obj for p in trials.outputs])
-    return poses[~is_identity(poses)]
+    return poses[~is_placeholder(poses)]
 
 
 def _rigid(estimator: Estimator, trials: _Trials) -> str:
@@ -170,7 +171,7 @@ def _metres(estimator: Estimator, trials: _Trials) -> str:
 def _position(estimator: Estimator, trials: _Trials) -> str:
     offsets = []
     for (_, K, seen), poses in zip(trials.images, trials.outputs, strict=True):
-        found = ~is_identity(poses.cam_T_obj)
+        found = ~is_placeholder(poses.cam_T_obj)
         pixel = poses.cam_T_obj[found, :3, 3] @ K.T
         box = seen.box_xywh[found]
         off = np.abs(pixel[:, :2] / pixel[:, 2:] - box[:, :2] - box[:, 2:] / 2)
@@ -236,7 +237,7 @@ def _uses_camera(estimator: Estimator, trials: _Trials) -> str:
     longer = K * np.array([[1.5], [1.5], [1.0]])
     longer[:2, 2] = K[:2, 2]
     near, far = trials.outputs[0], estimator.estimate(image, longer, seen)
-    both = ~is_identity(near.cam_T_obj) & ~is_identity(far.cam_T_obj)
+    both = ~is_placeholder(near.cam_T_obj) & ~is_placeholder(far.cam_T_obj)
     ratio = float(np.median(far.cam_T_obj[both, 2, 3] / near.cam_T_obj[both, 2, 3]))
     if not both.any() or not 1.2 < ratio < 1.9:
         raise UnmetError(

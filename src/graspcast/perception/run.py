@@ -22,7 +22,7 @@ from graspcast.bop.results import Results, read_results, write_results
 from graspcast.errors import EstimatorFailedError, FormatError, InputError, UnknownNameError
 from graspcast.perception.estimator import Estimator
 from graspcast.perception.external import command_line, run_command
-from graspcast.pose.transforms import is_identity
+from graspcast.pose.sanity import is_placeholder
 
 __all__ = ["run_estimator", "run_external"]
 
@@ -103,7 +103,7 @@ def _estimate(
         start = time.perf_counter()
         poses = estimator.estimate(image, camera.K, seen)
         took = time.perf_counter() - start
-        found = ~is_identity(poses.cam_T_obj)
+        found = ~is_placeholder(poses.cam_T_obj)
         rows = (seen.scene_id[found], seen.im_id[found], seen.obj_id[found])
         seconds = np.full(len(rows[0]), took)
         parts.append((*rows, poses.score[found], poses.cam_T_obj[found], seconds))

@@ -18,8 +18,8 @@ __all__ = [
     "pose_problems",
 ]
 
-MAX_ROTATION_DEVIATION = 1e-2
-"""The largest distance (Frobenius norm) of a rotation from the nearest rotation matrix."""
+MAX_ROTATION_DEVIATION = 0.02
+"""Frobenius distance to the nearest rotation from which a matrix is refused."""
 
 FARTHEST_DIAMETERS = 100.0
 """An object farther away than this many of its diameters covers a few pixels and has no pose.
@@ -60,7 +60,28 @@ def pose_problems(
         The first problem of each pose as text, an empty text for a sane pose.
     """
     size = np.full(len(cam_T_obj), np.nan) if diameter_m is None else diameter_m
-    return [_problem(pose, float(d)) for pose, d in zip(cam_T_obj, size, strict=True)]
+    out = [""] * len(cam_T_obj)
+    for i in np.flatnonzero(~_sane(cam_T_obj, size)).tolist():
+        out[i] = _problem(cam_T_obj[i], float(size[i]))
+    return out
+
+
+def _sane(
+    cam_T_obj: Float[ndarray, "n 4 4"], diameter_m: Float[ndarray, " n"]
+) -> Bool[ndarray, " n"]:
+    """Find the poses that need no closer look, all at once, since nearly all are sane."""
+    R, t = cam_T_obj[:, :3, :3], cam_T_obj[:, :3, 3]
+    with np.errstate(invalid="ignore"):
+        # Stricter than the distance to the nearest rotation, which takes a decomposition.
+        deviation = np.linalg.norm(np.swapaxes(R, 1, 2) @ R - np.eye(3), axis=(1, 2))
+        ratio = np.linalg.norm(t, axis=1) / diameter_m
+        near = np.isnan(diameter_m) | ((ratio >= NEAREST_DIAMETERS) & (ratio <= FARTHEST_DIAMETERS))
+        last = (cam_T_obj[:, 3] == [0.0, 0.0, 0.0, 1.0]).all(axis=1)
+        proper = (deviation < MAX_ROTATION_DEVIATION) & (np.linalg.det(R) > 0)
+        out: ndarray = (
+            np.isfinite(cam_T_obj).all(axis=(1, 2)) & last & proper & near & (t[:, 2] > 0)
+        )
+    return out & ~is_placeholder(cam_T_obj)
 
 
 def _problem(pose: Float[ndarray, "4 4"], diameter_m: float) -> str:

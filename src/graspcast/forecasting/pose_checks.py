@@ -1,0 +1,110 @@
+"""Checks of estimates before they are forecast: what is not a sane pose is never attempted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from graspcast.bop.models import Models
+from graspcast.errors import InputError
+from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.instances import InstanceKey, Instances, split_object_name
+from graspcast.pose.sanity import is_placeholder, pose_problems
+
+__all__ = ["estimate_problems", "estimates_of_one"]
+
+
+def estimate_problems(estimates: Estimates, models: Mapping[str, Models] | None) -> list[str]:
+    """Say for each instance which estimators have no sane pose of it, and why, or nothing.
+
+    Parameters
+    ----------
+    estimates
+        Poses of n instances.
+    models
+        Dataset's name to its object models; with them, distances are held against diameters.
+
+    Returns
+    -------
+        Texts, empty for an instance with sane poses only, (n,).
+    """
+    out = [""] * len(estimates)
+    diameters = _diameters(estimates.instances, models)
+    for name in estimates.estimators:
+        poses = estimates.of(name)
+        empty = is_placeholder(poses).tolist()
+        for i, problem in enumerate(pose_problems(poses, diameters)):
+            if problem:
+                why = name if empty[i] else f"{name} (its pose {problem})"
+                out[i] = f"{out[i]}, {why}" if out[i] else f"no estimate by {why}"
+    return out
+
+
+def estimates_of_one(
+    poses: Mapping[str, Float[ndarray, "4 4"] | None],
+    object_name: str,
+    models: Mapping[str, Models] | None,
+) -> Estimates:
+    """Return the estimates of one instance, of no image in particular.
+
+    Parameters
+    ----------
+    poses
+        Estimator's name to its ``cam_T_obj``, metres; None where it found nothing.
+    object_name
+        ``dataset-obj_id``.
+    models
+        As for :func:`estimate_problems`.
+
+    Returns
+    -------
+        A pose at the camera's centre stands for None.
+
+    Raises
+    ------
+    InputError
+        For a pose that no object in front of a camera can have (other than a placeholder), or two
+        estimators with one and the same array: its agreement with itself says nothing.
+    """
+    dataset, obj_id = split_object_name(object_name)
+    names: dict[int, str] = {}
+    arrays = []
+    for name, pose in poses.items():
+        if pose is not None and (first := names.setdefault(id(pose), name)) != name:
+            raise InputError(
+                f"{first} and {name} are given one and the same array: its agreement with itself "
+                "says nothing"
+            )
+        arrays.append(np.eye(4) if pose is None else _as_matrix(name, pose))
+    instances = Instances.of([InstanceKey(dataset, 0, 0, obj_id, 0)])
+    estimates = Estimates(tuple(poses), instances, np.stack(arrays)[:, None])
+    for name in estimates.estimators:
+        pose = estimates.of(name)
+        (problem,) = pose_problems(pose, _diameters(instances, models))
+        if problem and not is_placeholder(pose)[0]:
+            raise InputError(f"the pose by {name} {problem}")
+    return estimates
+
+
+def _as_matrix(name: str, pose: Any) -> Float[ndarray, "4 4"]:
+    try:
+        out = np.asarray(pose, dtype=np.float64)
+    except (TypeError, ValueError):
+        out = np.empty(0)
+    if out.shape != (4, 4):
+        raise InputError(f"the pose by {name} is not a 4x4 matrix of numbers")
+    return out
+
+
+def _diameters(instances: Instances, models: Mapping[str, Models] | None) -> Float[ndarray, " n"]:
+    """Return the diameter of each instance's object, metres, NaN where no model is known."""
+    out = np.full(len(instances), np.nan)
+    pairs = zip(instances.dataset.tolist(), instances.obj_id.tolist(), strict=True)
+    for i, (dataset, obj_id) in enumerate(pairs):
+        if models and dataset in models and obj_id in models[dataset].info:
+            out[i] = models[dataset].info[obj_id].diameter_m
+    return out

@@ -1,0 +1,113 @@
+"""What is not a sane pose is never attempted, whoever asks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import synthetic
+from graspcast.bop.models import Models
+from graspcast.errors import InputError
+from graspcast.estimates.alignment import Estimates
+from graspcast.forecasting.forecaster import Forecaster
+from graspcast.forecasting.models.blend import ForestSettings
+from graspcast.forecasting.pose_checks import estimate_problems
+from graspcast.forecasting.train import train_forecaster
+from poses import random_poses, write_models
+
+PLACEHOLDERS = [np.eye(4), np.diag([-1.0, -1.0, 1.0, 1.0]), None]
+
+
+@pytest.fixture(scope="module")
+def models(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Models]:
+    folder = tmp_path_factory.mktemp("models")
+    write_models(folder, obj_1={}, obj_2={})
+    return {"d": Models(folder)}
+
+
+@pytest.fixture(scope="module")
+def forecaster(models: dict[str, Models]) -> Forecaster:
+    settings = ForestSettings(trees=8, folds=0)
+    return train_forecaster(synthetic.training_data(120), models=models, forests=settings)
+
+
+def in_front(models: dict[str, Models]) -> np.ndarray:
+    pose = random_poses(1, 8)[0]
+    pose[:3, 3] = [0.01, 0.02, 4 * models["d"].info[1].diameter_m]
+    return pose
+
+
+def three(pose: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: pose.copy() for name in "abc"}
+
+
+@pytest.mark.parametrize("nothing", PLACEHOLDERS)
+def test_three_estimators_that_found_nothing_do_not_agree(
+    forecaster: Forecaster, models: dict[str, Models], nothing: np.ndarray | None
+) -> None:
+    poses = {name: None if nothing is None else nothing.copy() for name in "abc"}
+    verdict = forecaster.predict(poses, "d-1", threshold=0.0, models=models)
+    assert (verdict.attempt, verdict.probability) == (False, None)
+    assert verdict.reason == "no estimate by a, b, c"
+    poses = {**three(in_front(models)), "b": nothing}
+    verdict = forecaster.predict(poses, "d-1", threshold=0.0, models=models)
+    assert (verdict.attempt, verdict.reason) == (False, "no estimate by b")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda p: p @ np.diag([1.0, 1, -1, 1]), "mirrored"),
+        (lambda p: p @ np.diag([2.0, 2, 2, 1]), "scaled by 2"),
+        (lambda p: np.vstack([p[:3], [[0, 0, 0, 2]]]), "last row"),
+        (
+            lambda p: np.diag([1.0, 1, -1, 1]) @ np.diag([1.0, 1, -1, 1]) @ np.linalg.inv(p),
+            "behind",
+        ),
+        (lambda p: np.vstack([p[:3] * [1, 1, 1, 1000], [[0, 0, 0, 1]]]), "millimetres"),
+        (lambda p: np.where(np.eye(4) == 1, np.nan, p), "not finite"),
+    ],
+)
+def test_poses_that_cannot_be_are_refused_alone_and_abstained_from_among_others(
+    forecaster: Forecaster, models: dict[str, Models], change: object, says: str
+) -> None:
+    good = in_front(models)
+    good[:3, :3] = np.eye(3)
+    bad = change(good)  # type: ignore[operator]
+    with pytest.raises(InputError, match=f"the pose by a .*{says}"):
+        forecaster.predict(three(bad), "d-1", threshold=0.0, models=models)
+    data = synthetic.estimates(2)
+    poses = np.stack([[good, bad]] * 3)
+    verdicts = forecaster.verdicts(
+        Estimates(data.estimators, data.instances, poses), models, threshold=0.0, ood_alpha=0.0
+    )
+    assert verdicts[0].attempt
+    assert not verdicts[1].attempt
+    assert says in verdicts[1].reason
+
+
+def test_one_array_for_two_estimators_is_refused(
+    forecaster: Forecaster, models: dict[str, Models]
+) -> None:
+    pose = in_front(models)
+    with pytest.raises(InputError, match="a and c are given one and the same array"):
+        forecaster.predict({"a": pose, "b": pose.copy(), "c": pose}, "d-1", models=models)
+
+
+def test_sane_poses_have_no_problems(models: dict[str, Models]) -> None:
+    given = synthetic.estimates(6)
+    assert estimate_problems(given, None) == [""] * 6
+    far = given.cam_T_obj.copy()
+    far[1, 2, :3, 3] *= 1000
+    said = estimate_problems(Estimates(given.estimators, given.instances, far), models)
+    assert [bool(text) for text in said] == [False, False, True, False, False, False]
+    assert "by b" in said[2]
+
+
+def test_models_are_optional_but_then_distances_are_not_checked(tmp_path: Path) -> None:
+    given = synthetic.estimates(2)
+    far = Estimates(given.estimators, given.instances, given.cam_T_obj.copy())
+    far.cam_T_obj[:, :, :3, 3] *= 100
+    assert estimate_problems(far, None) == ["", ""]
