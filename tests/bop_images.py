@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,8 @@ import numpy as np
 from PIL import Image
 
 from graspcast.bop.dataset import BopDataset
-from poses import random_poses, write_models
+from graspcast.bop.results import Results
+from poses import nudged, random_poses, results_of, write_models
 
 SIZE = (96, 64)
 FOCAL = 120.0
@@ -38,6 +40,13 @@ def write_dataset(root: Path, ending: str = ".png") -> BopDataset:
         (folder / "scene_gt_info.json").write_text(json.dumps(info))
         (folder / "scene_camera.json").write_text(json.dumps(cameras))
     return BopDataset(root)
+
+
+def estimates_of(dataset: BopDataset, seed: int = 0) -> Results:
+    """An estimate of each instance, with small random errors, in the order of the ground truth."""
+    truth = dataset.ground_truth
+    results = results_of(nudged(truth.cam_T_obj, seed))
+    return replace(results, scene_id=truth.scene_id, im_id=truth.im_id, obj_id=truth.obj_id)
 
 
 def write_image(

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shlex
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -38,11 +41,6 @@ def left_behind(folder: Path) -> list[str]:
     return sorted(p.name for p in folder.iterdir())
 
 
-def verb(dataset: BopDataset, boxes: Path, out: Path, estimator: str, *more: str) -> list[str]:
-    paths = ["--bop", str(dataset.root), "--detections", str(boxes), "--out", str(out)]
-    return ["estimate", *paths, "--estimator", estimator, *more]
-
-
 class BoxEstimator:
     """Upright, where the box is, as far away as the diameter fills it; too small boxes: nothing."""
 
@@ -65,3 +63,14 @@ class BoxEstimator:
         depth = np.where(found, diameter * K[0, 0] / side, 0.0)
         eye = np.broadcast_to(np.eye(3), (len(side), 3, 3))
         return Poses(transform(eye, ray * depth[:, None]), np.where(found, 0.5, 0.0))
+
+
+def make_python(folder: Path) -> Path:
+    """Make the Python of another virtual environment, which has no package at all."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
+    return folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+
+
+def verb(dataset: BopDataset, boxes: Path, out: Path, estimator: str, *more: str) -> list[str]:
+    paths = ["--bop", str(dataset.root), "--detections", str(boxes), "--out", str(out)]
+    return ["estimate", *paths, "--estimator", estimator, *more]

@@ -1,3 +1,5 @@
+"""The verb watch."""
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -71,3 +73,13 @@ def test_a_published_estimate_is_watched(
     assert "no estimate of ycbv-4 in image 999/1" in capsys.readouterr().err
     assert main([*trial, "--image", f"{scene_id}/{im_id}", "--est-id", "7"]) == 2
     assert "--est-id" in capsys.readouterr().err
+
+
+def test_without_a_display_there_is_no_viewer(
+    tables: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("platform.system", lambda: "Linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert main(["watch", "--object", "cube", "--gripper", "parallel", *tables]) == 2
+    assert "no display" in (said := capsys.readouterr().err) and ".mp4, .gif or .png" in said

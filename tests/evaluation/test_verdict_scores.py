@@ -1,22 +1,18 @@
-"""Verdicts against outcomes: rates by hand, intervals by another bootstrap, and the verb."""
+"""Verdicts against outcomes: rates by hand, intervals by another bootstrap."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
-from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
 
-from commands import refused
-from graspcast.cli import main
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.instances import InstanceKey
 from graspcast.evaluation.verdict_scores import score_verdicts, verdict_table
-from graspcast.forecasting.verdict import Verdict, VerdictRow, write_verdicts
+from graspcast.forecasting.verdict import Verdict, VerdictRow
 
 
 def verdicts(
@@ -142,50 +138,3 @@ def test_verdicts_of_two_datasets_with_the_same_numbers_are_told_apart() -> None
     )
     assert score_verdicts(mine + other, both).always.value == 0.5
     assert score_verdicts(mine, both).always.value == pytest.approx(success.mean())
-
-
-@pytest.fixture
-def files(tmp_path: Path) -> tuple[Path, Path]:
-    said, came = tmp_path / "verdicts.csv", tmp_path / "outcomes.csv"
-    write_verdicts(
-        said,
-        [
-            VerdictRow(
-                InstanceKey("d", i % 4, i, 5, 0),
-                "a",
-                "parallel",
-                Verdict(i > 4, i / 10, "why"),
-                np.eye(4),
-            )
-            for i in range(10)
-        ],
-    )
-    rows = [f"a,d,{i % 4},{i},5,parallel,{int(i > 3)}" for i in range(10)]
-    header = "estimator,dataset,scene_id,im_id,obj_id,gripper,success\n"
-    came.write_text(header + "\n".join(rows) + "\n")
-    return said, came
-
-
-def test_the_verb(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    said, came = files
-    figures = said.with_name("figures.json")
-    command = ["score", "--verdicts", str(said), "--outcomes", str(came), "--json", str(figures)]
-    assert main(command) == 0
-    out = capsys.readouterr().out
-    assert "always attempting" in out and "0.600" in out
-    assert "following the verdicts" in out and "1.000" in out
-    assert "1.000 [1.000, 1.000]" in out
-    content = json.loads(figures.read_text())
-    assert content["following"]["value"] == 1.0
-    assert content["attempts"] == 5
-
-
-def test_files_that_are_none(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    said, came = files
-    command = ["score", "--verdicts", str(said), "--outcomes", str(came)]
-    said.write_text("a,b\n1,2\n")
-    assert "no column dataset" in refused(command, capsys)
-    said.unlink()
-    assert "cannot be read" in refused(command, capsys)
-    write_verdicts(said, [])
-    assert "no outcome is about any of the verdicts" in refused(command, capsys)

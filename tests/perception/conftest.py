@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from bop_images import write_dataset
+from crude import make_python
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.detections import Detections, jittered, read_detections, write_detections
 from graspcast.demo_data import demo_dataset
@@ -18,9 +16,7 @@ from graspcast.demo_data import demo_dataset
 @pytest.fixture(scope="session")
 def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The Python of another virtual environment, which has no package at all."""
-    folder = tmp_path_factory.mktemp("other env")
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
-    return folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    return make_python(tmp_path_factory.mktemp("other env"))
 
 
 @pytest.fixture

@@ -58,6 +58,23 @@ def add(verbs: Verbs) -> None:
         nargs="+",
         help="default: all (unseen_object_simulated only with --outcomes)",
     )
+    _add_cost_options(verb)
+    verb.add_argument(
+        "--bootstrap",
+        metavar="N",
+        type=positive,
+        default=1000,
+        help="bootstrap draws of scenes for intervals (default: 1000)",
+    )
+    verb.add_argument("--seed", metavar="N", type=int, default=0, help="of everything random")
+    verb.add_argument(
+        "--work", metavar="DIR", type=Path, help="save forecasts here, and resume from them"
+    )
+    _add_figure_options(verb)
+    add_json(verb)
+
+
+def _add_cost_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--failure-cost",
         metavar="X",
@@ -72,17 +89,9 @@ def add(verbs: Verbs) -> None:
         default=0.2,
         help="cost of not attempting, in the same units (default: 0.2)",
     )
-    verb.add_argument(
-        "--bootstrap",
-        metavar="N",
-        type=positive,
-        default=1000,
-        help="bootstrap draws of scenes for intervals (default: 1000)",
-    )
-    verb.add_argument("--seed", metavar="N", type=int, default=0, help="of everything random")
-    verb.add_argument(
-        "--work", metavar="DIR", type=Path, help="save forecasts here, and resume from them"
-    )
+
+
+def _add_figure_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--figures",
         metavar="DIR",
@@ -93,7 +102,6 @@ def add(verbs: Verbs) -> None:
     verb.add_argument(
         "--draw", metavar="NAME", nargs="+", help="the methods in figures (default: all evaluated)"
     )
-    add_json(verb)
 
 
 def _chosen(kind: str, asked: list[str] | None, known: list[str]) -> list[str]:

@@ -60,6 +60,26 @@ def add(verbs: Verbs) -> None:
         "threshold on ADD; the paper's networks for each object, or for all; blend and two-stage "
         "need ground truth",
     )
+    _add_forest_options(verb)
+    _add_network_options(verb)
+    verb.add_argument("--seed", metavar="N", type=int, default=0, help="of everything random")
+    verb.add_argument(
+        "--folds",
+        metavar="N",
+        type=int,
+        default=5,
+        help="folds of scenes for cross-validation; 0 for none (default: 5)",
+    )
+    verb.add_argument(
+        "--unseen-objects",
+        action="store_true",
+        help="also score each object by a forecaster trained without it",
+    )
+    add_out(verb, "the model's file (npz)")
+    add_json(verb)
+
+
+def _add_forest_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--trees",
         metavar="N",
@@ -67,6 +87,9 @@ def add(verbs: Verbs) -> None:
         default=128,
         help="trees of each forest (default: 128)",
     )
+
+
+def _add_network_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--features",
         choices=("paper", "rich"),
@@ -93,21 +116,6 @@ def add(verbs: Verbs) -> None:
         default=3000,
         help="epochs of networks (default: 3000)",
     )
-    verb.add_argument("--seed", metavar="N", type=int, default=0, help="of everything random")
-    verb.add_argument(
-        "--folds",
-        metavar="N",
-        type=int,
-        default=5,
-        help="folds of scenes for cross-validation; 0 for none (default: 5)",
-    )
-    verb.add_argument(
-        "--unseen-objects",
-        action="store_true",
-        help="also score each object by a forecaster trained without it",
-    )
-    add_out(verb, "the model's file (npz)")
-    add_json(verb)
 
 
 def _train(options: argparse.Namespace) -> None:

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from graspcast.bop.dataset import BopDataset, read_targets
-from graspcast.cli import main
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.pose.transforms import transform_points
 from graspcast.rendering.synthetic.camera import INTRINSICS
@@ -85,54 +81,7 @@ def test_settings_that_make_no_sense(changes: dict[str, object], words: str) -> 
         RenderSettings(**changes)  # type: ignore[arg-type]
 
 
-def test_what_cannot_be_rendered_leaves_nothing(
-    models: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unknown_objects_are_refused(models: Path, tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="unknown object '2'; known: 1, 4, 7"):
         render_dataset(models, tmp_path / "a", obj_ids=[2])
-    full = tmp_path / "full"
-    full.mkdir()
-    (full / "kept").write_text("mine")
-    assert main(["render", "--models", str(models), "--out", str(full)]) == 2
-    assert "exists already" in capsys.readouterr().err
-    assert main(["render", "--models", str(tmp_path), "--out", str(tmp_path / "b")]) == 2
-    assert "models_info.json" in capsys.readouterr().err
-    for split in ("../out", "models", "a/b", ""):
-        command = [
-            "render",
-            "--models",
-            str(models),
-            "--out",
-            str(tmp_path / "c"),
-            "--split",
-            split,
-        ]
-        assert main(command) == 2
-        assert "a split is a name such as test" in capsys.readouterr().err
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["full"]
-    assert [p.name for p in full.iterdir()] == ["kept"]
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="EGL is Linux's")
-def test_without_opengl_one_message_and_nothing_written(models: Path, tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        "-m",
-        "graspcast",
-        "render",
-        "--models",
-        str(models),
-        "--scenes",
-        "1",
-    ]
-    source = str(Path(__file__).parents[3] / "src")
-    clean = {k: v for k, v in os.environ.items() if not k.startswith(("MUJOCO", "PYOPENGL"))}
-    done = subprocess.run(
-        [*command, "--out", str(tmp_path / "out")],
-        env={**clean, "PYTHONPATH": source, "MUJOCO_EGL_DEVICE_ID": "99"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2 and "libegl1" in done.stderr and "Traceback" not in done.stderr
-    assert not list(tmp_path.iterdir())
+    assert list(tmp_path.iterdir()) == []

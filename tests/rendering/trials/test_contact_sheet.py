@@ -1,26 +1,38 @@
+"""Contact sheets of reference grasps."""
+
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
-import pytest
 from PIL import Image
 
 from cubes import orange
-from graspcast.cli import main
+from graspcast.rendering.trials.contact_sheet import draw_cells, save_sheet
 from graspcast.rendering.trials.renderer import SceneRenderer
+from graspcast.simulation.grasps.table import read_grasps
+from graspcast.simulation.grippers import GRIPPERS, load_gripper
+from graspcast.simulation.objects.catalogue import read_catalogue
 
 
 def test_the_contact_sheet_has_a_field_for_each_pair(
-    tmp_path: Path, tables: list[str], renderer: SceneRenderer, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, tables: list[str], renderer: SceneRenderer
 ) -> None:
     out = tmp_path / "sheet.png"
-    command = ["grasps", *tables, "--objects", "cube", "lmo-5", "--size", "100", "--out", str(out)]
-    assert main(command) == 0
-    said = capsys.readouterr().out
-    for line in ("cube by parallel", "cube by underactuated", "lmo-5 by parallel"):
-        assert line in said
-    assert "held" in said and said.count("no reference grasp") + said.count("no mesh") == 3
+    catalogue = read_catalogue(tmp_path / "objects.toml")
+    entries = [catalogue["cube"], catalogue["lmo-5"]]
+    cells = draw_cells(
+        entries,
+        [load_gripper(name) for name in GRIPPERS],
+        read_grasps(tmp_path / "grasps.toml"),
+        catalogue=catalogue,
+        size=100,
+    )
+    assert len(cells) == 4
+    held = cells["cube", "parallel"].outcome
+    assert held is not None and held.success
+    assert cells["cube", "underactuated"].note == "no reference grasp"
+    save_sheet(out, [(e.name, e.label) for e in entries], list(GRIPPERS), cells, size=100)
     with Image.open(out) as image:
         pixels = np.asarray(image.convert("RGB"))
     left, right = np.array_split(pixels[:, 40:], 2, axis=1)

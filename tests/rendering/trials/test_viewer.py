@@ -8,20 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from graspcast.cli import main
 from graspcast.rendering.trials.viewer import replay
 from graspcast.simulation.trial.recording import Recording
 from graspcast.simulation.trial.trial import TrialRunner
-
-
-def test_without_a_display_there_is_no_viewer(
-    tables: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("platform.system", lambda: "Linux")
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    assert main(["watch", "--object", "cube", "--gripper", "parallel", *tables]) == 2
-    assert "no display" in (said := capsys.readouterr().err) and ".mp4, .gif or .png" in said
 
 
 class _Window:

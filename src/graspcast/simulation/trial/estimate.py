@@ -47,7 +47,7 @@ def estimate_in_image(
     Parameters
     ----------
     results
-        Estimates.
+        Estimates of this object alone.
     truth
         Ground truth of the same dataset.
     name

@@ -342,11 +342,3 @@ def test_what_does_not_fit_is_named(
 ) -> None:
     with pytest.raises(error, match=message):
         train([problem(0), change(problem(0))], SHORT)
-
-
-@pytest.mark.parametrize(
-    "change", [{"epochs": 0}, {"hidden": (0,)}, {"rate": -1.0}, {"beta1": 1.0}]
-)
-def test_settings_out_of_range_are_refused(change: dict[str, object]) -> None:
-    with pytest.raises(InputError):
-        MlpSettings(**change)  # type: ignore[arg-type]

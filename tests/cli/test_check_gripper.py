@@ -1,0 +1,38 @@
+"""The verb check-gripper."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from commands import refused
+from graspcast.cli import main
+
+DATA = Path(__file__).parents[1] / "data"
+
+
+def test_a_gripper_that_passes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check-gripper", str(DATA / "three_jaw.toml")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].endswith("passed") and len(lines) == 1 + 12
+    assert all(line.startswith("  ok ") for line in lines[1:])
+
+
+def test_a_gripper_that_fails(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A hand whose closed fingers are where the open ones are."""
+    settings = (DATA / "three_jaw.toml").read_text().replace("0.06", "0.0")
+    (tmp_path / "three_jaw.toml").write_text(settings)
+    (tmp_path / "three_jaw.xml").write_text((DATA / "three_jaw.xml").read_text())
+    path = str(tmp_path / "three_jaw.toml")
+    assert main(["check-gripper", path]) == 2
+    out, err = capsys.readouterr()
+    assert "FAILED" in out.splitlines()[0]
+    failed = [line.split()[1].rstrip(":") for line in out.splitlines() if "  FAIL " in line]
+    assert failed and f"{path} does not pass: {', '.join(failed)}" in err
+
+
+def test_a_gripper_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "unknown gripper 'claw'" in refused(["check-gripper", "claw"], capsys)
+    said = refused(["check-gripper", str(tmp_path / "claw.toml")], capsys)
+    assert "claw.toml" in said

@@ -1,0 +1,36 @@
+"""Output of the command line: which stream it goes to, and that nothing is lost of it."""
+
+from __future__ import annotations
+
+import pytest
+
+from graspcast.cli.console import note, print_table, print_text, progress_bar
+
+
+def test_notes_go_to_standard_error_once_each(capsys: pytest.CaptureFixture[str]) -> None:
+    long = "pip install 'graspcast[render]' " + 40 * "word "
+    note(long, "another", long)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.splitlines() == [long, "another"]
+
+
+def test_tables_are_not_folded_in_files(capsys: pytest.CaptureFixture[str]) -> None:
+    cell = "0.512 [0.441, 0.583] " + 20 * "wide "
+    print_table("Scores", ["measure", "value"], [["accuracy", cell], ["n", "60"]])
+    print_text("done")
+    out, err = capsys.readouterr()
+    assert err == ""
+    lines = out.splitlines()
+    assert lines[0] == "Scores" and lines[-1] == "done"
+    (row,) = (line for line in lines if "accuracy" in line)
+    assert cell.strip() in row
+    (last,) = (line for line in lines if "60" in line)
+    assert last.rstrip("│ ").endswith(" 60"), "numbers are aligned to the right"
+
+
+def test_a_progress_bar_leaves_standard_output_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress_bar("working") as move:
+        move(0.5)
+        move(1.0, "on [brackets]")
+    assert capsys.readouterr().out == ""

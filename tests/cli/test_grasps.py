@@ -1,0 +1,39 @@
+"""The verb grasps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from commands import refused
+from cubes import write_tables
+from graspcast.cli import main
+
+
+@pytest.fixture
+def tables(tmp_path: Path) -> list[str]:
+    return write_tables(tmp_path)
+
+
+def test_outcomes_are_printed_and_the_sheet_is_written(
+    tmp_path: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "sheet.png"
+    command = ["grasps", *tables, "--objects", "cube", "lmo-5", "--size", "100", "--out", str(out)]
+    assert main(command) == 0
+    said = capsys.readouterr().out
+    for line in ("cube by parallel", "cube by underactuated", "lmo-5 by parallel"):
+        assert line in said
+    assert "held" in said and said.count("no reference grasp") + said.count("no mesh") == 3
+    assert out.stat().st_size > 1000
+
+
+def test_only_png_sheets_and_known_objects(
+    tmp_path: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = refused(["grasps", *tables, "--out", str(tmp_path / "sheet.jpg")], capsys)
+    assert "a contact sheet is a .png file (see --out)" in said
+    out = ["--out", str(tmp_path / "sheet.png")]
+    said = refused(["grasps", *tables, "--objects", "cub", *out], capsys)
+    assert "did you mean 'cube'" in said

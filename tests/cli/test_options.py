@@ -1,0 +1,86 @@
+"""Options that several verbs share: inputs, objects, scenes, outputs."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from commands import refused
+from graspcast.bop.results import write_results
+from graspcast.cli import main
+from network_commands import inputs, predict, train
+from poses import ROW, random_poses, results_of, write_csv
+
+
+def test_ground_truth_may_lie_elsewhere(world: Path) -> None:
+    (world / "made" / "test").rename(world / "truth")
+    assert main(["errors", *inputs(world, "a"), "--ground-truth", str(world / "truth")]) == 0
+
+
+def test_csvs_of_another_dataset_are_refused(
+    world: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = world / "a_other-test.csv"
+    (world / "a_made-test.csv").rename(other)
+    arguments = ["--bop", str(world / "made"), "--estimates", f"a={other}"]
+    said = refused(["errors", *arguments], capsys)
+    assert "a CSV of dataset other, but the BOP directories are of made; if one of" in said
+    nameless = other.rename(world / "a.csv")
+    assert main(["errors", "--bop", str(world / "made"), "--estimates", f"a={nameless}"]) == 0
+
+
+def test_other_scenes_are_refused(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_results(world / "a_made-test.csv", results_of(random_poses(5), scene_id=99))
+    assert "is it a CSV of another dataset or split?" in refused(
+        ["errors", *inputs(world, "a")], capsys
+    )
+    said = refused(train(world, "--folds", "0"), capsys)
+    assert "no instance of made has a pose by every estimator (a: 5 rows, b: 60 rows" in said
+
+
+def test_objects_without_a_model(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = world / "a_made-test.csv"
+    path.write_text(path.read_text() + ROW.replace("1,2,3", "0,0,7") + "\n")
+    said = refused(["errors", *inputs(world, "a")], capsys)
+    assert re.search(r"a_made-test\.csv, line 62: object 7 is not in .*which has 1, 2", said)
+    assert main(["errors", *inputs(world, "a"), "--lenient"]) == 0
+    assert "dropped 1 rows (object without a model)" in capsys.readouterr().err
+    assert main(["errors", *inputs(world, "a"), "--objects", "1"]) == 0
+    assert main(["errors", *inputs(world, "a"), "--objects", "made-1", "other-7"]) == 0
+    assert "an object is given as NUMBER, or DATASET-NUMBER (lmo-5), not" in refused(
+        ["errors", *inputs(world, "a"), "--objects", "can"], capsys
+    )
+
+
+def test_a_dataset_given_twice(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    again = ["--bop", str(world / "made")]
+    said = refused(["errors", *inputs(world, "a"), *again], capsys)
+    assert "there is already a dataset made" in said
+
+
+def test_only_some_scenes(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(train(world, "--folds", "0", "--scenes", "0-2", "4")) == 0
+    assert "1 objects, 40 samples" in capsys.readouterr().out
+    assert main(predict(world, "--scenes", "3", "5")) == 0
+    scenes = pl.read_csv(world / "v.csv")["scene_id"]
+    assert sorted(set(scenes.to_list())) == [3, 5]
+    said = refused(predict(world, "--scenes", "7"), capsys)
+    assert "no estimate in the wanted scenes 7; it has scenes 0, 1, 2, 3, 4, 5" in said
+    for wrong in ("x", "3-", "4-2", "-1", "²", "0-99999999999"):
+        with pytest.raises(SystemExit):
+            main(predict(world, "--scenes", wrong))
+
+
+def test_outputs_that_cannot_be_written(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (world / "file").write_text("")
+    said = refused([*train(world, "--folds", "0"), "--out", str(world / "file" / "m.npz")], capsys)
+    assert "cannot be written" in said
+
+
+def test_a_missing_directory_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_csv(tmp_path / "a_x-test.csv", ROW)
+    said = refused(["errors", "--bop", str(tmp_path / "no"), "--estimates", f"a={path}"], capsys)
+    assert "no such directory" in said

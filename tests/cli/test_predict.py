@@ -1,0 +1,243 @@
+"""The verb predict: verdicts, certificates, fallbacks, attribution, novelty."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import forest_commands as forests
+import graspcast
+from commands import refused
+from graspcast.bop.results import write_results
+from graspcast.cli import main
+from graspcast.forecasting.forecaster import Forecaster
+from graspcast.guarantees.certificate import Certificate
+from network_commands import N, predict, train
+from poses import random_poses, results_of
+
+
+@pytest.mark.slow
+def test_from_estimates_to_verdicts(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(train(world, "--folds", "3", "--json", str(world / "card.json"))) == 0
+    out, _ = capsys.readouterr()
+    assert "unseen scenes" in out
+    assert "a with b, c, parallel gripper, 1 objects, 60 samples" in out
+    card = json.loads((world / "card.json").read_text())["card"]
+    assert card["scores"]["unseen_scenes"]["n"] == 60
+    assert card["versions"]["graspcast"] == graspcast.__version__
+    assert main(predict(world, "--threshold", "0.4")) == 0
+    assert "60 verdicts" in capsys.readouterr().out
+    with (world / "v.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert (rows[0]["dataset"], rows[0]["est_id"], rows[0]["grasp"]) == ("made", "0", "reference")
+    assert {(row["principal"], row["gripper"]) for row in rows} == {("a", "parallel")}
+    for row in rows:
+        assert (row["verdict"] == "attempt") is (float(row["probability"]) >= 0.4)
+
+
+def test_verdicts_in_python_are_those_of_the_command(world: Path) -> None:
+    assert main(train(world, "--folds", "0")) == 0
+    assert main(predict(world)) == 0
+    forecaster = graspcast.Forecaster.load(world / "m.npz")
+    tables = {n: graspcast.read_results(world / f"{n}_made-test.csv") for n in "abc"}
+    models = {"made": graspcast.BopDataset(world / "made").models}
+    with (world / "v.csv").open() as stream:
+        written = {int(r["im_id"]): float(r["probability"]) for r in csv.DictReader(stream)}
+    for i in (0, 17, 59):
+        poses = {name: table.cam_T_obj[i] for name, table in tables.items()}
+        verdict = forecaster.predict(poses, "made-1", models=models)
+        assert verdict.probability == pytest.approx(written[i], abs=1e-5)
+
+
+def test_where_a_supporter_found_nothing_the_verdict_is_to_abstain(
+    world: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(train(world, "--folds", "0")) == 0
+    path = world / "b_made-test.csv"
+    lines = path.read_text().splitlines()
+    fields = lines[1].split(",")
+    fields[4:6] = ["1 0 0 0 1 0 0 0 1", "0 0 0"]
+    path.write_text("\n".join([lines[0], ",".join(fields), *lines[3:]]) + "\n")
+    capsys.readouterr()
+    assert main(predict(world)) == 0
+    err = capsys.readouterr().err
+    assert "dropped 1 rows (placeholder)" in err
+    assert "dropped instances without an estimate: 2 by b" in err
+    with (world / "v.csv").open() as stream:
+        rows = {int(r["im_id"]): r for r in csv.DictReader(stream)}
+    assert len(rows) == N
+    for image in (0, 1):
+        assert rows[image]["verdict"] == "abstain"
+        assert rows[image]["probability"] == ""
+        assert rows[image]["reason"] == "no estimate by b"
+
+
+def test_models_of_other_estimators_or_objects(
+    world: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(train(world, "--folds", "0")) == 0
+    said = refused(predict(world, names="ab"), capsys)
+    assert "there are no estimates by c for the model with 2 supporters; given: a, b" in said
+    for name in "abc":
+        path = world / f"{name}_made-test.csv"
+        write_results(path, results_of(random_poses(5), obj_id=2))
+    said = refused(predict(world), capsys)
+    assert "this model was not trained for made-2; it knows made-1" in said
+    assert not (world / "v.csv").exists()
+
+
+def test_truncated_models(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(train(world, "--folds", "0")) == 0
+    path = world / "m.npz"
+    path.write_bytes(path.read_bytes()[:-40])
+    assert "m.npz: is not a complete model file" in refused(predict(world), capsys)
+    path.unlink()
+    assert "No such file" in refused(predict(world), capsys)
+
+
+def test_an_object_known_by_simulated_trials_alone(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    card = Forecaster.load(trained / "simulated.npz").card
+    assert (card.objects, card.simulated, card.samples) == (("made-2",), ("made-2",), 0)
+    said = refused(forests.predict(trained, tmp_path, models=("simulated.npz",)), capsys)
+    assert "was not trained for made-1; it knows made-2" in said
+    only = ("--objects", "2", "--ood-alpha", "0")
+    assert main(forests.predict(trained, tmp_path, *only, models=("simulated.npz",))) == 0
+    truth = {
+        (row["im_id"], row["obj_id"]): row["success"]
+        for row in pl.read_csv(trained / "outcomes.csv").filter(estimator="a").iter_rows(named=True)
+    }
+    rows = forests.verdicts(tmp_path)
+    assert {row["obj_id"] for row in rows} == {"2"}
+    right = [(row["verdict"] == "attempt") == (truth[int(row["im_id"]), 2] == 1) for row in rows]
+    assert np.mean(right) > 0.7
+
+
+def test_explanations_are_those_of_the_forecaster(trained: Path, tmp_path: Path) -> None:
+    assert main(forests.predict(trained, tmp_path)) == 0
+    plain = forests.verdicts(tmp_path)
+    assert main(forests.predict(trained, tmp_path, "--explain")) == 0
+    for row, before in zip(forests.verdicts(tmp_path), plain, strict=True):
+        assert row["probability"] == before["probability"]
+        assert row["reason"].startswith(before["reason"] + "; attributed to ")
+        told = row["reason"].rpartition("; attributed to ")[2].split(", ")
+        assert len(told) == 2
+        sizes = [abs(float(each.rpartition(" ")[2])) for each in told]
+        assert sizes[0] >= sizes[1]
+        assert all(each.startswith(("rotation by", "position by", "b against c")) for each in told)
+
+
+def guaranteed(trained: Path, tmp_path: Path, model: str, names: str, threshold: float) -> Path:
+    """A promise for a model (certified here on its training scenes, which promises nothing)."""
+    path = tmp_path / f"{model}.json"
+    arguments = [
+        "certify",
+        *forests.inputs(trained, names),
+        "--model",
+        str(trained / f"{model}.npz"),
+    ]
+    arguments += ["--outcomes", str(trained / "outcomes.csv"), "--unit", "image"]
+    arguments += ["--allow-training-scenes", "--rate", str(threshold), "--out", str(path)]
+    assert main(arguments) == 0
+    return path
+
+
+def test_a_promise_brings_the_threshold_and_belongs_to_its_model(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = guaranteed(trained, tmp_path, "abc", "abc", 0.7)
+    guarantee = Certificate.load(path).overall
+    assert guarantee.threshold is not None
+    capsys.readouterr()
+    assert main(forests.predict(trained, tmp_path, "--certificate", str(path))) == 0
+    assert str(guarantee) in capsys.readouterr().out
+    for row in forests.verdicts(tmp_path):
+        likely = float(row["probability"]) >= guarantee.threshold
+        assert (row["verdict"] == "attempt") == (
+            likely and "out-of-distribution" not in row["reason"]
+        )
+    again = tmp_path / "again"
+    both = ("--certificate", str(path), "--threshold", "0.4")
+    assert "leave out --threshold" in refused(forests.predict(trained, again, *both), capsys)
+    mismatched = forests.predict(trained, again, "--certificate", str(path), models=("ab.npz",))
+    assert "no certificate was made for the model with b: certify it" in refused(mismatched, capsys)
+    two = forests.predict(trained, again, "--certificate", str(path), models=("abc.npz", "ab.npz"))
+    assert "no certificate was made for the model with b" in refused(two, capsys)
+    assert not again.exists()
+
+
+def test_where_nothing_could_be_certified_nothing_is_attempted(
+    trained: Path, tmp_path: Path
+) -> None:
+    path = guaranteed(trained, tmp_path, "abc", "abc", 0.9999)
+    assert Certificate.load(path).overall.threshold is None
+    assert main(forests.predict(trained, tmp_path, "--certificate", str(path))) == 0
+    for row in forests.verdicts(tmp_path):
+        assert row["verdict"] == "abstain"
+        assert "no threshold could be certified" in row["reason"]
+
+
+def test_a_second_model_stands_in_where_a_supporter_is_missing(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = forests.tables()
+    for name, table in given.items():
+        kept = np.full(forests.N, True)
+        if name == "c":
+            kept[10:30] = False
+        if name == "b":
+            kept[25:40] = False
+        write_results(tmp_path / f"{name}_made-test.csv", table.select(kept))
+    each = {}
+    for model, names in (("abc.npz", "abc"), ("ab.npz", "ab")):
+        assert (
+            main(forests.predict(trained, tmp_path, models=(model,), names=names, folder=tmp_path))
+            == 0
+        )
+        each[model] = {int(row["im_id"]): row for row in forests.verdicts(tmp_path)}
+    both = ("ab.npz", "abc.npz")
+    assert main(forests.predict(trained, tmp_path, models=both, folder=tmp_path)) == 0
+    rows = {int(row["im_id"]): row for row in forests.verdicts(tmp_path)}
+    assert sorted(rows) == list(range(forests.N))
+    for i, row in rows.items():
+        if 25 <= i < 40:
+            assert (row["verdict"], row["probability"]) == ("abstain", "")
+            continue
+        model, supporters = ("ab.npz", "b") if 10 <= i < 30 else ("abc.npz", "b, c")
+        assert row["probability"] == each[model][i]["probability"]
+        assert row["reason"].endswith(f"; with {supporters}")
+    said = refused(
+        forests.predict(trained, tmp_path, models=both, names="ac", folder=tmp_path), capsys
+    )
+    assert "there are no estimates by b for the model with 2" in said
+
+
+def test_strange_disagreement_is_abstained_from_unless_it_is_trusted(
+    trained: Path, tmp_path: Path
+) -> None:
+    for name, table in forests.tables().items():
+        poses = table.cam_T_obj.copy()
+        if name == "b":
+            poses[forests.UNUSUAL, :3, 3] += [3.0, -2.0, 4.0]
+        write_results(
+            tmp_path / f"{name}_made-test.csv", dataclasses.replace(table, cam_T_obj=poses)
+        )
+    found = {}
+    for share in ("0", "0.01", "1"):
+        more = ("--ood-alpha", share, "--threshold", "0")
+        assert main(forests.predict(trained, tmp_path, *more, folder=tmp_path)) == 0
+        found[share] = {int(row["im_id"]): row for row in forests.verdicts(tmp_path)}
+    assert {row["verdict"] for row in found["0"].values()} == {"attempt"}
+    assert {row["verdict"] for row in found["1"].values()} == {"abstain"}
+    unusual = found["0.01"][forests.UNUSUAL]
+    assert unusual["verdict"] == "abstain"
+    assert "out-of-distribution disagreement (p-value 0.008" in unusual["reason"]
+    assert unusual["probability"] == found["0"][forests.UNUSUAL]["probability"]
+    assert sum(row["verdict"] == "abstain" for row in found["0.01"].values()) <= 4

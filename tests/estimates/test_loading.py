@@ -1,0 +1,110 @@
+"""Results files and the datasets they belong to, read together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bop_images import estimates_of, write_dataset
+from graspcast.bop.dataset import BopDataset
+from graspcast.bop.results import write_results
+from graspcast.errors import InputError, MismatchError, UnknownNameError
+from graspcast.estimates.loading import load_inputs, load_outcomes
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> BopDataset:
+    return write_dataset(tmp_path / "made")
+
+
+def write(dataset: BopDataset, names: str = "ab", of: str = "made") -> list[tuple[str, Path]]:
+    out = []
+    for seed, name in enumerate(names):
+        out.append((name, dataset.root.parent / f"{name}_{of}-test.csv"))
+        write_results(out[-1][1], estimates_of(dataset, seed))
+    return out
+
+
+def test_files_belong_to_the_dataset_in_their_names(dataset: BopDataset) -> None:
+    paths = [*write(dataset, "ab"), *write(dataset, "b", of="other")]
+    inputs = load_inputs(paths)
+    assert {name: list(tables) for name, tables in inputs.results.items()} == {
+        "made": ["a", "b"],
+        "other": ["b"],
+    }
+    assert inputs.estimators == ("b",), "only b has estimates on both"
+    assert inputs.objects == {"made-1", "made-5", "other-1", "other-5"}
+    assert inputs.models == {}
+    with pytest.raises(MismatchError, match="by its name a CSV of dataset other"):
+        load_inputs(paths, bop=[(None, dataset.root)])
+    renamed = load_inputs(paths[2:], bop=[("other", dataset.root)])
+    assert list(renamed.datasets) == ["other"] and list(renamed.models) == ["other"]
+
+
+def test_a_file_without_a_dataset_belongs_to_the_only_one(dataset: BopDataset) -> None:
+    path = dataset.root.parent / "estimates.csv"
+    write_results(path, estimates_of(dataset, 0))
+    assert list(load_inputs([("a", path)], bop=[(None, dataset.root)]).results) == ["made"]
+    with pytest.raises(InputError, match="of which dataset") as caught:
+        load_inputs([("a", path)])
+    assert caught.value.parameters == ("bop",)
+
+
+def test_one_directory_of_ground_truth_for_each_dataset(dataset: BopDataset) -> None:
+    paths, bop = write(dataset), [(None, dataset.root)]
+    truth = dataset.root / "test"
+    assert load_inputs(paths, bop=bop, ground_truth=[truth]).estimators == ("a", "b")
+    with pytest.raises(InputError, match="2 directories of ground truth for 1 BOP") as caught:
+        load_inputs(paths, bop=bop, ground_truth=[truth, truth])
+    assert caught.value.parameters == ("ground_truth", "bop")
+    with pytest.raises(InputError, match="there are already estimates of made by a"):
+        load_inputs([*paths, paths[0]], bop=bop)
+
+
+def test_only_the_wanted_objects_and_scenes(dataset: BopDataset) -> None:
+    inputs = load_inputs(write(dataset), bop=[(None, dataset.root)], objects=["5"], scenes=[1])
+    for table in inputs.results["made"].values():
+        assert set(table.obj_id.tolist()) == {5} and set(table.scene_id.tolist()) == {1}
+
+
+def test_aligned_estimates_and_their_true_poses(dataset: BopDataset) -> None:
+    paths = write(dataset)
+    write_results(paths[1][1], estimates_of(dataset, 1).select(np.arange(1, 6)))
+    inputs = load_inputs(paths, bop=[(None, dataset.root)])
+    aligned = inputs.estimates("a")
+    assert len(aligned) == 5
+    assert inputs.notes == ["dropped instances without an estimate: 1 by b"]
+    truth = inputs.truth(aligned, "a")
+    assert truth is not None
+    known = dataset.ground_truth
+    for i in range(5):
+        (row,) = np.flatnonzero(
+            (known.scene_id == aligned.scene_id[i])
+            & (known.im_id == aligned.im_id[i])
+            & (known.obj_id == aligned.obj_id[i])
+        )
+        np.testing.assert_array_equal(truth[i], known.cam_T_obj[row])
+    with pytest.raises(InputError, match="at least two estimators, but there is 1"):
+        inputs.estimates(only=("a",))
+
+
+def test_without_ground_truth_a_note_says_why(dataset: BopDataset) -> None:
+    paths = write(dataset)
+    for path in dataset.root.glob("test/*/scene_gt.json"):
+        path.unlink()
+    inputs = load_inputs(paths, bop=[(None, dataset.root)])
+    assert inputs.truth(inputs.estimates(), "a") is None
+    assert inputs.notes and "the direct forest alone" in inputs.notes[-1]
+
+
+def test_outcomes_of_none_of_the_estimators_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "outcomes.csv"
+    columns = ["estimator", "dataset", "scene_id", "im_id", "obj_id", "gripper", "success"]
+    rows = [("a", "made", 1, 3, 1, "parallel", 1), ("b", "made", 1, 3, 1, "parallel", 0)]
+    pl.DataFrame(rows, schema=columns, orient="row").write_csv(path)
+    assert load_outcomes([path], ["b", "c"])["success"].to_list() == [1, 0]
+    with pytest.raises(UnknownNameError, match=r"unknown estimator 'c, d'.*known: a, b"):
+        load_outcomes([path], ["c", "d"])
