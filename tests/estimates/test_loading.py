@@ -13,6 +13,7 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import write_results
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.loading import load_inputs, load_outcomes
+from poses import random_poses, results_of
 
 
 @pytest.fixture
@@ -91,13 +92,13 @@ def test_aligned_estimates_and_their_true_poses(dataset: BopDataset) -> None:
         inputs.estimates(only=("a",))
 
 
-def test_without_ground_truth_a_note_says_why(dataset: BopDataset) -> None:
+def test_missing_ground_truth_is_an_error(dataset: BopDataset) -> None:
     paths = write(dataset)
     for path in dataset.root.glob("test/*/scene_gt.json"):
         path.unlink()
     inputs = load_inputs(paths, bop=[(None, dataset.root)])
-    assert inputs.truth(inputs.estimates(), "a") is None
-    assert inputs.notes and "the direct forest alone" in inputs.notes[-1]
+    with pytest.raises(InputError, match=r"need ground truth: .*scene_gt.json"):
+        inputs.truth(inputs.estimates(), "a")
 
 
 def test_outcomes_of_none_of_the_estimators_are_refused(tmp_path: Path) -> None:
@@ -108,3 +109,14 @@ def test_outcomes_of_none_of_the_estimators_are_refused(tmp_path: Path) -> None:
     assert load_outcomes([path], ["b", "c"])["success"].to_list() == [1, 0]
     with pytest.raises(UnknownNameError, match=r"unknown estimator 'c, d'.*known: a, b"):
         load_outcomes([path], ["c", "d"])
+
+
+def test_one_file_under_two_names_is_refused(tmp_path: Path) -> None:
+    poses = random_poses(4)
+    for name, given in (("a", poses), ("copy", poses), ("other", random_poses(4, 1))):
+        write_results(tmp_path / f"{name}_made-test.csv", results_of(given))
+    a, copy, other = (tmp_path / f"{n}_made-test.csv" for n in ("a", "copy", "other"))
+    for second in (a, copy):
+        with pytest.raises(InputError, match=r"holds the same poses as .* agreement with itself"):
+            load_inputs([("a", a), ("b", second)])
+    assert load_inputs([("a", a), ("b", other)]).estimators == ("a", "b")

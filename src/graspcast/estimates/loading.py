@@ -183,7 +183,21 @@ def load_inputs(
         if scenes:
             table = _of_scenes(table, scenes)
         tables[name] = _wanted(table, dataset_name, datasets, objects, lenient, out.notes)
+        _check_distinct(name, tables)
     return out
+
+
+def _check_distinct(name: str, tables: Mapping[str, Results]) -> None:
+    """Raise if another estimator has the very same poses: its agreement would say nothing."""
+    mine = tables[name]
+    for other, table in tables.items():
+        same = other != name and len(mine) > 0 and np.array_equal(table.cam_T_obj, mine.cam_T_obj)
+        if same and np.array_equal(table.im_id, mine.im_id):
+            raise InputError(
+                f"{mine.source}: holds the same poses as {table.source}, so {name} and {other} are "
+                "one estimator, whose agreement with itself says nothing; give results of others",
+                parameters=("estimates",),
+            )
 
 
 def _of_scenes(table: Results, scenes: Sequence[int]) -> Results:
