@@ -10,7 +10,7 @@ A complete example, from files to verdicts and their score::
     )
 
     names = ("epos", "gdrnpp", "zebrapose")
-    inputs = load_inputs([(n, f"{n}_lmo-test.csv") for n in names], bop=["lmo"])
+    inputs = load_inputs({n: f"{n}_lmo-test.csv" for n in names}, bop=["lmo"])
     estimates = inputs.estimates("gdrnpp")  # the principal's instances, with the others' poses
     outcomes = read_outcomes("trials.csv")
     data = TrainingData.join(
@@ -19,7 +19,7 @@ A complete example, from files to verdicts and their score::
     forecaster = train_forecaster(data, models=inputs.models)
     forecaster.save("model.npz")
 
-    frame = load_inputs([(n, f"{n}_today.csv") for n in names], bop=["lmo"])
+    frame = load_inputs({n: f"today/{n}_lmo-test.csv" for n in names}, bop=["lmo"])
     rows = forecaster.predict_frame(frame.results["lmo"], "lmo", models=frame.models, threshold=0.8)
     for row in rows:
         print(row.key, row.verdict, row.verdict.reason)

@@ -84,3 +84,22 @@ def test_a_missing_directory_is_named(tmp_path: Path, capsys: pytest.CaptureFixt
     path = write_csv(tmp_path / "a_x-test.csv", ROW)
     said = refused(["errors", "--bop", str(tmp_path / "no"), "--estimates", f"a={path}"], capsys)
     assert "no such directory" in said
+
+
+def test_no_file_that_is_read_is_replaced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, other = tmp_path / "v.csv", tmp_path / "o.csv"
+    path.write_text("verdicts")
+    other.write_text("outcomes")
+    asked = ["score", "--verdicts", str(path), "--outcomes", str(other), "--json"]
+    assert "is read (--outcomes) and would be replaced (--json)" in refused(
+        [*asked, str(other)], capsys
+    )
+    named = ["predict", "--estimates", f"a={path}", "--model", str(other), "--out"]
+    assert "is read (--estimates) and would be" in refused([*named, str(path)], capsys)
+    assert "is read (--model) and would be" in refused([*named, str(other)], capsys)
+    train = ["certify", "--model", str(other), "--estimates", f"a={path}", "--outcomes", str(path)]
+    said = refused([*train, "--out", "c.json", "--json", "c.json"], capsys)
+    assert "c.json: is given as --out and as --json" in said
+    assert (path.read_text(), other.read_text()) == ("verdicts", "outcomes")

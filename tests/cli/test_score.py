@@ -58,4 +58,4 @@ def test_files_that_are_none(files: tuple[Path, Path], capsys: pytest.CaptureFix
     said.unlink()
     assert "cannot be read" in refused(command, capsys)
     write_verdicts(said, [])
-    assert "no outcome is about any of the verdicts" in refused(command, capsys)
+    assert "there are no verdicts to score" in refused(command, capsys)

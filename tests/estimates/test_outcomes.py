@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from graspcast.errors import FormatError, MismatchError
+from graspcast.errors import FormatError, InputError, MismatchError
 from graspcast.estimates.instances import InstanceKey, Instances
 from graspcast.estimates.outcomes import (
     ERROR_COLUMNS,
@@ -87,8 +87,8 @@ def test_a_column_that_is_not_there_is_named(tmp_path: Path, name: str) -> None:
 @pytest.mark.parametrize(
     ("row", "says"),
     [
-        ("epos,lmo,2,4,1,parallel,2", "row 4: an empty field, or a success that is neither 0 nor"),
-        ("epos,lmo,2,4,1,parallel,-1", "row 4: an empty field, or a success"),
+        ("epos,lmo,2,4,1,parallel,2", "row 4: success is 2, not 0 or 1"),
+        ("epos,lmo,2,4,1,parallel,-1", "row 4: success is -1, not 0 or 1"),
         ("epos,lmo,2,4,1,parallel,", "row 4: an empty field"),
         ("epos,lmo,,4,1,parallel,1", "row 4: an empty field"),
         (",lmo,2,4,1,parallel,1", "row 4: an empty field"),
@@ -274,3 +274,36 @@ def test_stored_errors_are_read_back_with_their_outcomes(tmp_path: Path) -> None
     both = read_all_outcomes([tmp_path / "a.parquet", tmp_path / "b.parquet"])
     assert np.isnan(errors_of_each(turned, both, "b", "hand")).all()
     assert success_of_each(turned, both, "b", "hand").tolist() == [1, 1, 0]
+
+
+def test_an_outcome_with_and_one_without_est_id_are_the_same_trial(tmp_path: Path) -> None:
+    one = write(tmp_path / "a.csv", "a,lmo,2,3,5,hand,1")
+    two = write(tmp_path / "b.csv", "a,lmo,2,3,5,hand,1,0", header=HEADER + ",est_id")
+    with pytest.raises(InputError, match=r"a\.csv, .*b\.csv: 2 rows share their trial"):
+        read_all_outcomes([one, two])
+
+
+def test_instances_that_are_not_asked_for_make_outcomes_ambiguous_too(tmp_path: Path) -> None:
+    table = read_outcomes(write(tmp_path / "a.csv", "a,lmo,2,3,1,hand,1"))
+    first, second = INSTANCES.select(np.array([0])), INSTANCES.select(np.array([1]))
+    assert success_of_each(first, table, "a", "hand").tolist() == [1]
+    with pytest.raises(MismatchError, match="several instances of lmo-1"):
+        success_of_each(first, table, "a", "hand", others=second)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda t: t.with_columns(success=7), "row 1: success is 7, not 0 or 1"),
+        (lambda t: t.drop("dataset"), "no column 'dataset'"),
+        (lambda t: pl.concat([t, t]), "share their trial"),
+        (lambda t: t.with_columns(obj_id=1.5), "obj_id is 1.5, not a whole number"),
+    ],
+)
+def test_tables_in_memory_are_checked_as_files_are(change: object, says: str) -> None:
+    table = INSTANCES.frame().with_columns(
+        estimator=pl.lit("a"), gripper=pl.lit("hand"), success=pl.lit(1)
+    )
+    assert success_of_each(INSTANCES, table, "a", "hand").tolist() == [1, 1, 1]
+    with pytest.raises(InputError, match=says):
+        success_of_each(INSTANCES, change(table), "a", "hand")  # type: ignore[operator]

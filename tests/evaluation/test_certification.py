@@ -59,6 +59,8 @@ def test_it_certifies_the_forecasts_for_the_units(
         "ood_alpha": 0.0,
         "principal": "a",
         "gripper": "parallel",
+        "grasp": "reference",
+        "datasets": ["d"],
         "unit": "image",
         "training_scenes": 0,
     }

@@ -11,10 +11,13 @@ import polars as pl
 import pytest
 from numpy.testing import assert_allclose
 
-from graspcast import Comparison, ForestSettings, Models, compare, score
+from graspcast import ForestSettings, compare
+from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
 from graspcast.evaluation.cross_validation import cross_validated
+from graspcast.evaluation.estimator_comparison import Comparison
 from graspcast.evaluation.paired_differences import FORECAST_MEASURES, PRINCIPAL_MEASURES
+from graspcast.evaluation.scores import score
 from poses import write_models
 from supporters import EstimatorWorld
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import synthetic
+from graspcast.bop.results import Results
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
-from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.alignment import Estimates, align
 from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
 from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+from poses import random_poses, results_of
 
 NAMES = ("a", "b", "c")
 
@@ -221,3 +224,60 @@ def test_messages_list_what_there_is() -> None:
     elsewhere = table.with_columns(dataset=pl.lit("e"))
     with pytest.raises(MismatchError, match="there are outcomes of a on e"):
         TrainingData.join(given_, elsewhere, "a", "parallel")
+
+
+# --- Several instances of an object in an image ---------------------------------------------------
+
+
+def detections(name_score: list[float], seed: int) -> Results:
+    """Three detections of one object in each of 20 images."""
+    poses = random_poses(60, seed)
+    poses[:, :3, 3] = np.tile([[0, 0, 1], [0.3, 0, 1], [0, 0.3, 1]], (20, 1))
+    return dataclasses.replace(
+        results_of(poses),
+        scene_id=np.zeros(60, int),
+        im_id=np.repeat(np.arange(20), 3),
+        obj_id=np.ones(60, int),
+        score=np.tile(name_score, 20),
+    )
+
+
+def outcomes_by(column: str, estimator: str = "a") -> pl.DataFrame:
+    n = np.arange(60)
+    return pl.DataFrame(
+        {
+            "estimator": [estimator] * 60, "dataset": ["d"] * 60, "scene_id": n * 0, "im_id": n // 3,
+            "obj_id": n * 0 + 1, column: n % 3, "gripper": ["hand"] * 60, "success": n % 2,
+        }
+    )  # fmt: skip
+
+
+def test_former_numbers_of_tied_estimates_are_refused() -> None:
+    other = detections([0.9, 0.5, 0.1], 2)
+    distinct = align({"a": detections([0.9, 0.5, 0.1], 1), "b": other}, dataset="d")
+    tied = align({"a": detections([0.9, 0.9, 0.1], 1), "b": other}, dataset="d")
+    former, current = outcomes_by("inst_id"), outcomes_by("est_id")
+    expected = TrainingData.join(distinct, current, "a", "hand").own_success
+    assert_array_equal(TrainingData.join(distinct, former, "a", "hand").own_success, expected)
+    assert len(TrainingData.join(tied, current, "a", "hand").tried()) == 60
+    with pytest.raises(MismatchError, match=r"d-1 in image 0/0, est_id 0: a gave several"):
+        TrainingData.join(tied, former, "a", "hand")
+
+
+def test_incomplete_instances_make_unstated_outcomes_ambiguous() -> None:
+    whole = detections([0.9, 0.5, 0.1], 1)
+    first = detections([0.9, 0.5, 0.1], 2).select(np.arange(0, 60, 3))
+    estimates = align({"a": whole, "b": first}, dataset="d")
+    assert len(estimates) == 20
+    unstated = outcomes_by("est_id").filter(est_id=1).drop("est_id")
+    with pytest.raises(MismatchError, match="several instances of d-1, but the outcomes have no"):
+        TrainingData.join(estimates, unstated, "a", "hand")
+
+
+def test_supporters_outcomes_are_not_used_where_they_found_an_object_twice() -> None:
+    one = detections([0.9, 0.5, 0.1], 1).select(np.arange(0, 60, 3))
+    estimates = align({"a": one, "b": detections([0.9, 0.5, 0.1], 2)}, dataset="d")
+    both = pl.concat([outcomes_by("est_id", n).filter(est_id=0) for n in "ab"])
+    data = TrainingData.join(estimates, both, "a", "hand")
+    assert not np.isnan(data.success[0]).any()
+    assert np.isnan(data.success[1]).all()

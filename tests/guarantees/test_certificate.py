@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graspcast
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
-from graspcast.guarantees.certificate import OVERALL, Certificate
+from graspcast.guarantees.certificate import OVERALL, Certificate, Guarantee
 from graspcast.guarantees.certify import certify
 from worlds import ASKED, World, drawn
 
@@ -32,7 +31,7 @@ def test_certificates_are_read_as_they_were_written(
     assert Certificate.load(tmp_path / "p.json") == certificate
     assert certificate.overall.scope == OVERALL
     assert certificate.of("d-2").units == 150
-    assert isinstance(certificate.overall, graspcast.Guarantee)
+    assert isinstance(certificate.overall, Guarantee)
     with pytest.raises(UnknownNameError, match=r"'d-7'.*d-1, d-2"):
         certificate.of("d-7")
 

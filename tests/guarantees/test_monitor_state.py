@@ -90,3 +90,23 @@ def test_states_of_other_guarantees_settings_and_formats_are_refused(
     file.write_text(json.dumps(content))
     with pytest.raises(FormatError, match="format 1, not 2"):
         MonitorState.open(file, path, certificate.overall)
+
+
+@pytest.mark.parametrize(
+    ("provenance", "says"),
+    [
+        ({"principal": "b"}, "attempts of estimator a, but the guarantee is for b"),
+        ({"gripper": "claw"}, "attempts of gripper parallel, but the guarantee is for claw"),
+        ({"datasets": ["e", "f"]}, "attempts of dataset d, but the guarantee is for e, f"),
+        ({"grasp": "handle"}, "attempts of grasp reference, but the guarantee is for handle"),
+    ],
+)
+def test_attempts_of_something_else_are_refused(
+    path: Path, tmp_path: Path, provenance: dict[str, object], says: str
+) -> None:
+    overall = Certificate.load(path).overall
+    state = MonitorState.open(tmp_path / "s.json", path, overall)
+    log = write_log(tmp_path / "log.csv", [True] * 8)
+    with pytest.raises(MismatchError, match=says):
+        state.update(log, provenance)
+    assert state.update(log, {"principal": "a", "datasets": ["c", "d"], "grasp": "reference"}) == 8

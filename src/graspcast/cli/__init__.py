@@ -29,6 +29,7 @@ from graspcast.cli import (
     validate_sim,
     watch,
 )
+from graspcast.cli.options import check_outputs
 from graspcast.errors import GraspcastError
 
 __all__ = ["main", "parser", "verb_parsers"]
@@ -81,6 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments_parser = parser()
     options = arguments_parser.parse_args(arguments)
     try:
+        check_outputs(options)
         return options.run(options) or 0
     except GraspcastError as error:
         hint = _options_of(arguments_parser, options.verb, error.parameters)

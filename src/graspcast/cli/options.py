@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from graspcast.cli.console import note
+from graspcast.errors import InputError
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
@@ -23,6 +24,7 @@ __all__ = [
     "add_outcomes",
     "add_tables",
     "bop_dirs_of",
+    "check_outputs",
     "count",
     "field_size",
     "inputs_of",
@@ -246,3 +248,40 @@ def count(text: str) -> int:
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"a whole number, 0 or more, is needed, not {text!r}")
     return int(text)
+
+
+_OUTPUTS = ("out", "json", "state")
+
+
+def check_outputs(options: argparse.Namespace) -> None:
+    """Raise unless every file that is written is another than those that are read.
+
+    Raises
+    ------
+    InputError
+        Naming the file and the two options.
+    """
+    written: dict[Path, str] = {}
+    for name in _OUTPUTS:
+        path = getattr(options, name, None)
+        if path is None:
+            continue
+        if (other := written.setdefault(path.resolve(), name)) != name:
+            raise InputError(f"{path}: is given as --{other} and as --{name}")
+    for name, value in vars(options).items():
+        for path in _paths(value) if name not in _OUTPUTS else ():
+            if path.resolve() in written and path.is_file():
+                option = name.replace("_", "-")
+                raise InputError(
+                    f"{path}: is read (--{option}) and would be replaced "
+                    f"(--{written[path.resolve()]}); write to another file"
+                )
+
+
+def _paths(value: Any) -> list[Path]:
+    """Return the paths in an option's value, which may be a list of named ones."""
+    if isinstance(value, Path):
+        return [value]
+    return (
+        [path for part in value for path in _paths(part)] if isinstance(value, list | tuple) else []
+    )

@@ -68,6 +68,11 @@ class Estimates:
         For each estimator, the number of instances that it lacks and another one has.
     incomplete
         The anchor's instances that were set aside, and the estimators that lack them.
+    alone
+        Whether no estimator has another estimate of the object in the image, (n,), None if unknown.
+    tied
+        Whether the anchor has another estimate of the object in the image with the same score,
+        (n,), None if unknown.
     """
 
     estimators: tuple[str, ...]
@@ -75,6 +80,8 @@ class Estimates:
     cam_T_obj: Float[ndarray, "k n 4 4"]
     lacking: Mapping[str, int] = field(default_factory=dict)
     incomplete: tuple[IncompleteInstance, ...] = ()
+    alone: Bool[ndarray, " n"] | None = None
+    tied: Bool[ndarray, " n"] | None = None
 
     def __len__(self) -> int:
         return len(self.instances)
@@ -148,8 +155,13 @@ class Estimates:
 
     def select(self, which: Bool[ndarray, " n"] | Int[ndarray, " m"]) -> Estimates:
         """Return some of the instances, by mask or by number."""
-        chosen = self.instances.select(which)
-        return replace(self, instances=chosen, cam_T_obj=self.cam_T_obj[:, which])
+        return replace(
+            self,
+            instances=self.instances.select(which),
+            cam_T_obj=self.cam_T_obj[:, which],
+            alone=None if self.alone is None else self.alone[which],
+            tied=None if self.tied is None else self.tied[which],
+        )
 
 
 def estimate_ids(results: Results) -> Int[ndarray, " n"]:
@@ -257,10 +269,13 @@ def align(
     counts = np.stack([np.bincount(g, minlength=len(keys)) for g in groups])
     missing = (counts.max(axis=0) - counts).sum(axis=1)
     kept: list[tuple[InstanceKey, list[int]]] = []  # one row for each estimator
+    alone: list[bool] = []
+    tied: list[bool] = []
     incomplete: list[IncompleteInstance] = []
     rows_of = [_rows_by_group(t, g) for t, g in zip(tables, groups, strict=True)]
     for group in np.flatnonzero(counts[first]).tolist():
         rows = [by_group.get(group, []) for by_group in rows_of]
+        scores = tables[first].score[rows[first]].tolist()
         for est_id, found in enumerate(partners(rows, first, tables)):
             scene_id, im_id, obj_id = keys[group].tolist()
             key = InstanceKey(dataset, scene_id, im_id, obj_id, est_id)
@@ -270,6 +285,8 @@ def align(
                 incomplete.append(IncompleteInstance(key, without, pose))
             else:
                 kept.append((key, [r for r in found if r is not None]))
+                alone.append(all(len(mine) == 1 for mine in rows))
+                tied.append(scores.count(scores[est_id]) > 1)
     if not kept and required:
         sizes = ", ".join(f"{name}: {len(table)} rows" for name, table in results.items())
         raise MismatchError(
@@ -283,6 +300,8 @@ def align(
         cam_T_obj=np.stack([t.cam_T_obj[p] for t, p in zip(tables, picked, strict=True)]),
         lacking=dict(zip(names, missing.tolist(), strict=True)),
         incomplete=tuple(incomplete),
+        alone=np.array(alone, dtype=bool),
+        tied=np.array(tied, dtype=bool),
     )
 
 
@@ -345,4 +364,11 @@ def concatenate(parts: Iterable[Estimates]) -> Estimates:
         cam_T_obj=np.concatenate([p.cam_T_obj for p in parts], axis=1),
         lacking={name: sum(p.lacking.get(name, 0) for p in parts) for name in names},
         incomplete=tuple(instance for p in parts for instance in p.incomplete),
+        alone=_joined_flags([p.alone for p in parts]),
+        tied=_joined_flags([p.tied for p in parts]),
     )
+
+
+def _joined_flags(parts: list[ndarray | None]) -> ndarray | None:
+    known = [part for part in parts if part is not None]
+    return np.concatenate(known) if len(known) == len(parts) else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -121,10 +122,10 @@ class Inputs:
 
 
 def load_inputs(
-    estimates: Sequence[tuple[str, Path]],
+    estimates: Mapping[str, str | PathLike[str]] | Sequence[tuple[str, str | PathLike[str]]],
     *,
-    bop: Sequence[tuple[str | None, Path]] = (),
-    ground_truth: Sequence[Path] = (),
+    bop: Sequence[str | PathLike[str] | tuple[str | None, str | PathLike[str]]] = (),
+    ground_truth: Sequence[str | PathLike[str]] = (),
     objects: Sequence[str] = (),
     scenes: Sequence[int] = (),
     lenient: bool = False,
@@ -137,9 +138,9 @@ def load_inputs(
     Parameters
     ----------
     estimates
-        Estimator's name and file; a name may come once for each dataset.
+        Estimator's name to its file; or pairs of them, where a name may come once for each dataset.
     bop
-        BOP directories, each with a name if it is not the directory's.
+        BOP directories, or pairs of a name and a directory that is called otherwise.
     ground_truth
         Directories of scene folders, one for each BOP directory, in their order.
     objects
@@ -161,7 +162,8 @@ def load_inputs(
             parameters=("ground_truth", "bop"),
         )
     datasets: dict[str, BopDataset] = {}
-    for i, (name, root) in enumerate(bop):
+    for i, entry in enumerate(bop):
+        name, root = (None, entry) if isinstance(entry, str | PathLike) else entry
         truth = ground_truth[i] if ground_truth else None
         dataset = BopDataset(root, ground_truth=truth, name=name)
         if dataset.name in datasets:
@@ -173,7 +175,9 @@ def load_inputs(
         datasets[dataset.name] = dataset
     results: dict[str, dict[str, Results]] = {}
     out = Inputs(datasets, results)
-    for name, path in estimates:
+    pairs = estimates.items() if isinstance(estimates, Mapping) else estimates
+    for name, given in pairs:
+        path = Path(given)
         dataset_name = _dataset_name(path, datasets)
         tables = results.setdefault(dataset_name, {})
         if name in tables:

@@ -28,6 +28,7 @@ __all__ = [
     "REFERENCE_GRASP",
     "TRIAL_COLUMNS",
     "TRIAL_SCHEMA",
+    "checked_outcomes",
     "error_numbers",
     "errors_of_each",
     "join_outcomes",
@@ -35,7 +36,6 @@ __all__ = [
     "read_error_outcomes",
     "read_outcomes",
     "success_of_each",
-    "with_optional",
 ]
 
 TRIAL_SCHEMA: dict[str, Any] = {
@@ -73,7 +73,7 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
     -------
         The columns of :data:`TRIAL_COLUMNS`, ``success`` (0 or 1) and, if the file has them all,
         :data:`ERROR_COLUMNS`; further columns are left out. ``est_id`` is null where the file does
-        not state it.
+        not state it. A file of a former version keeps its ``inst_id``, which is ``est_id`` too.
 
     Raises
     ------
@@ -84,49 +84,81 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
     frame = _read(path)
     if {"inst_id", "est_id"} <= set(frame.columns):
         raise FormatError(path, "has both est_id and inst_id, its former name; leave one out")
-    frame = frame.rename({"inst_id": "est_id"}, strict=False)
-    kinds = {**TRIAL_SCHEMA, "success": pl.Int64}
+    try:
+        return checked_outcomes(frame)
+    except _TableError as error:
+        raise FormatError(path, error.problem, where=error.where) from error
+
+
+class _TableError(InputError):
+    """What is wrong with a table of outcomes, and in which row."""
+
+    def __init__(self, problem: str, where: str | None = None):
+        self.problem, self.where = problem, where
+        place = f", {where}" if where else ""
+        super().__init__(f"the outcomes{place}: {problem}", parameters=("outcomes",))
+
+
+def checked_outcomes(frame: pl.DataFrame) -> pl.DataFrame:
+    """Check a table of outcomes, and bring its columns into the form of :func:`read_outcomes`.
+
+    Raises
+    ------
+    InputError
+        Naming the column or row, and the remedy.
+    """
+    if "est_id" not in frame.columns and "inst_id" in frame.columns:
+        frame = frame.with_columns(est_id=pl.col("inst_id"))
+    kinds: dict[str, Any] = {**TRIAL_SCHEMA, "success": pl.Int64}
+    if "inst_id" in frame.columns:
+        kinds["inst_id"] = pl.Int64
     if set(ERROR_COLUMNS) <= set(frame.columns):
         kinds |= dict.fromkeys(ERROR_COLUMNS, pl.Float64)
     missing = [name for name in kinds if name not in frame.columns and name not in _OPTIONAL]
     if missing:
-        raise FormatError(
-            path, f"no column {', '.join(map(repr, missing))}; found {', '.join(frame.columns)}"
-        )
-    states_est_id = "est_id" in frame.columns
-    frame = with_optional(frame)
+        found = ", ".join(frame.columns)
+        raise _TableError(f"no column {', '.join(map(repr, missing))}; found {found}")
+    added = {"est_id": pl.lit(None, pl.Int64), "grasp": pl.lit(REFERENCE_GRASP)}
+    frame = frame.with_columns(**{k: v for k, v in added.items() if k not in frame.columns})
     for name, kind in kinds.items():
         column = frame[name]
         # A cast would cut the fraction off.
-        if kind == pl.Int64 and column.dtype.is_float() and (cut := column % 1 != 0).any():
+        fractional = column.dtype.is_float() or column.dtype.is_decimal()
+        if kind == pl.Int64 and fractional and (cut := column % 1 != 0).any():
             row = cut.arg_true()[0]
-            raise FormatError(
-                path, f"{name} is {column[row]}, not a whole number", where=f"row {row + 1}"
-            )
+            raise _TableError(f"{name} is {column[row]}, not a whole number", f"row {row + 1}")
     try:
         frame = frame.select(pl.col(name).cast(kind) for name, kind in kinds.items())
     except pl.exceptions.PolarsError as error:
         first = str(error).splitlines()[0]
-        raise FormatError(path, f"a column does not hold what it should ({first})") from error
-    stated = pl.all() if states_est_id else pl.exclude("est_id")
-    bad = frame.with_row_index("row").filter(
-        pl.any_horizontal(stated.is_null()) | ~pl.col("success").is_in([0, 1])
-    )
-    if len(bad):
-        row = bad.row(0, named=True)
-        raise FormatError(
-            path,
-            "an empty field, or a success that is neither 0 nor 1",
-            where=f"row {row['row'] + 1}",
-        )
-    twice = frame.filter(frame.select(TRIAL_COLUMNS).is_duplicated())
-    if len(twice):
-        raise FormatError(
-            path,
-            f"{len(twice)} rows share their trial with another: {_described(twice)}"
-            + ("" if states_est_id else "; a column est_id tells several instances apart"),
-        )
+        raise _TableError(f"a column does not hold what it should ({first})") from error
+    _check_values(frame)
     return frame
+
+
+def _check_values(frame: pl.DataFrame) -> None:
+    """Raise for an empty field, a success that is not 0 or 1, or two outcomes of one trial."""
+    for name in (*TRIAL_COLUMNS, "success"):
+        empty = frame[name].is_null()
+        if empty.any() and name != "est_id":
+            raise _TableError(f"an empty field: {name}", f"row {empty.arg_true()[0] + 1}")
+    wrong = ~frame["success"].is_in([0, 1])
+    if wrong.any():
+        row = wrong.arg_true()[0]
+        raise _TableError(f"success is {frame['success'][row]}, not 0 or 1", f"row {row + 1}")
+    _check_repeated(frame)
+
+
+def _check_repeated(frame: pl.DataFrame) -> None:
+    # A trial without est_id is one of an object that its image shows once: est_id 0.
+    keys = frame.select(TRIAL_COLUMNS).with_columns(pl.col("est_id").fill_null(0))
+    twice = frame.filter(keys.is_duplicated())
+    if len(twice):
+        hint = "; a column est_id tells several instances apart"
+        raise _TableError(
+            f"{len(twice)} rows share their trial with another: {_described(twice)}"
+            + (hint if twice["est_id"].is_null().any() else "")
+        )
 
 
 def read_all_outcomes(paths: Iterable[str | PathLike[str]]) -> pl.DataFrame:
@@ -141,15 +173,16 @@ def read_all_outcomes(paths: Iterable[str | PathLike[str]]) -> pl.DataFrame:
     """
     paths = list(paths)
     table = pl.concat([read_outcomes(path) for path in paths], how="diagonal")
-    twice = table.filter(table.select(TRIAL_COLUMNS).is_duplicated())
-    if len(twice):
-        raise InputError(
-            f"{', '.join(map(str, paths))}: hold some trials twice, for one {_described(twice)}"
-        )
+    try:
+        _check_repeated(table)
+    except _TableError as error:
+        raise InputError(f"{', '.join(map(str, paths))}: {error.problem}") from error
     return table
 
 
-def join_outcomes(keys: pl.DataFrame, outcomes: pl.DataFrame) -> pl.DataFrame:
+def join_outcomes(
+    keys: pl.DataFrame, outcomes: pl.DataFrame, *, others: pl.DataFrame | None = None
+) -> pl.DataFrame:
     """Join a table with the outcomes of its trials, by the whole key of a trial.
 
     Parameters
@@ -158,6 +191,8 @@ def join_outcomes(keys: pl.DataFrame, outcomes: pl.DataFrame) -> pl.DataFrame:
         A table that has :data:`TRIAL_COLUMNS` among its columns.
     outcomes
         As :func:`read_outcomes` returns them.
+    others
+        Keys of further instances that the outcomes could be of.
 
     Returns
     -------
@@ -167,15 +202,20 @@ def join_outcomes(keys: pl.DataFrame, outcomes: pl.DataFrame) -> pl.DataFrame:
     Raises
     ------
     MismatchError
-        If the outcomes do not state ``est_id`` and ``keys`` has several instances of an object in
-        one image, so that an outcome could be of any of them.
+        If the outcomes do not state ``est_id`` and there are several instances of an object in one
+        image, so that an outcome could be of any of them.
+    InputError
+        If the outcomes are not a table of outcomes.
     """
     on = TRIAL_COLUMNS
     errors = [name for name in ERROR_COLUMNS if name in outcomes.columns]
-    tried = with_optional(outcomes).select(*on, "success", *errors)
+    tried = checked_outcomes(outcomes).select(*on, "success", *errors)
     unstated = tried.filter(pl.col("est_id").is_null())
     if len(unstated):
-        several = keys.filter(pl.col("est_id") > 0).join(
+        known = (
+            keys.select(on) if others is None else pl.concat([keys.select(on), others.select(on)])
+        )
+        several = known.filter(pl.col("est_id") > 0).join(
             unstated, on=["estimator", *_IMAGE_OF_OBJECT, "gripper"], how="semi"
         )
         if len(several):
@@ -197,6 +237,7 @@ def success_of_each(
     gripper: str,
     *,
     grasp: str = REFERENCE_GRASP,
+    others: Instances | None = None,
 ) -> Float[ndarray, " n"]:
     """Return the outcome of the grasp of each instance that an estimator guided.
 
@@ -208,6 +249,8 @@ def success_of_each(
         As :func:`read_outcomes` returns them.
     estimator, gripper, grasp
         Who guided which grasp by which gripper.
+    others
+        Further instances that the outcomes could be of.
 
     Returns
     -------
@@ -218,7 +261,7 @@ def success_of_each(
     MismatchError
         As :func:`join_outcomes`.
     """
-    found = _joined(instances, outcomes, estimator, gripper, grasp)["success"]
+    found = _joined(instances, outcomes, estimator, gripper, grasp, others)["success"]
     return found.cast(pl.Float64).fill_null(float("nan")).to_numpy()
 
 
@@ -297,18 +340,16 @@ def _errors(numbers: Float[ndarray, "n 6"]) -> Float[ndarray, "n 4 4"]:
 
 
 def _joined(
-    instances: Instances, outcomes: pl.DataFrame, estimator: str, gripper: str, grasp: str
+    instances: Instances,
+    outcomes: pl.DataFrame,
+    estimator: str,
+    gripper: str,
+    grasp: str,
+    others: Instances | None = None,
 ) -> pl.DataFrame:
-    trials = instances.frame().with_columns(
-        estimator=pl.lit(estimator), gripper=pl.lit(gripper), grasp=pl.lit(grasp)
-    )
-    return join_outcomes(trials, outcomes)
-
-
-def with_optional(frame: pl.DataFrame) -> pl.DataFrame:
-    """Add the optional columns where they are missing: no stated est_id, the reference grasp."""
-    added = {"est_id": pl.lit(None, pl.Int64), "grasp": pl.lit(REFERENCE_GRASP)}
-    return frame.with_columns(**{k: v for k, v in added.items() if k not in frame.columns})
+    who = {"estimator": pl.lit(estimator), "gripper": pl.lit(gripper), "grasp": pl.lit(grasp)}
+    further = None if others is None else others.frame().with_columns(**who)
+    return join_outcomes(instances.frame().with_columns(**who), outcomes, others=further)
 
 
 def _described(trials: pl.DataFrame) -> str:

@@ -12,6 +12,7 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import MismatchError
 from graspcast.estimates.instances import UnitKind, unit_names
+from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.model_card import ModelCard
 from graspcast.forecasting.training_data import TrainingData
@@ -112,6 +113,8 @@ def certify_forecaster(
             "ood_alpha": ood_alpha,
             "principal": card.principal,
             "gripper": card.gripper,
+            "grasp": REFERENCE_GRASP,
+            "datasets": sorted({str(name) for name in data.estimates.instances.dataset}),
             "unit": unit,
             "training_scenes": training_scenes,
             "versions": versions(),

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from graspcast.errors import MismatchError, UnknownNameError
+from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.instances import Instances, unit_names
-from graspcast.estimates.outcomes import TRIAL_COLUMNS, join_outcomes
+from graspcast.estimates.outcomes import TRIAL_COLUMNS, checked_outcomes, join_outcomes
 from graspcast.evaluation.bootstrap import Interval, original_and_draws
 from graspcast.forecasting.verdict import VerdictRow
 
@@ -112,6 +112,11 @@ def score_verdicts(
         If no outcome is about any of the verdicts, or an outcome could be of several instances.
     """
     table = verdict_table(verdicts)
+    if not len(table):
+        raise InputError("there are no verdicts to score", parameters=("verdicts",))
+    if table.select(TRIAL_COLUMNS).is_duplicated().any():
+        raise InputError("two verdicts are on the same grasp", parameters=("verdicts",))
+    outcomes = checked_outcomes(outcomes)
     for column in ("estimator", "dataset", "gripper", "grasp"):
         known = outcomes[column].unique().sort().to_list()
         for name in table[column].unique().sort():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -13,11 +14,12 @@ from numpy import ndarray
 
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.instances import Instances
 from graspcast.estimates.outcomes import (
+    checked_outcomes,
     errors_of_each,
     read_error_outcomes,
     success_of_each,
-    with_optional,
 )
 
 __all__ = ["SimulatedTrials", "TrainingData"]
@@ -151,13 +153,19 @@ class TrainingData:
         errors = np.full((*success.shape, 4, 4), np.nan)
         if outcomes is not None:
             _check_gripper(outcomes, gripper)
+            outcomes = checked_outcomes(outcomes)
             image = ["dataset", "scene_id", "im_id", "obj_id"]
-            outcomes = with_optional(outcomes)
-            alone = outcomes.filter(pl.col("est_id").fill_null(0).max().over(image) == 0)
+            single = outcomes.filter(pl.col("est_id").fill_null(0).max().over(image) == 0)
+            incomplete = Instances.of([gap.key for gap in estimates.incomplete])
             for k, name in enumerate(estimates.estimators):
-                table = outcomes if name == principal else alone
-                success[k] = success_of_each(estimates.instances, table, name, gripper)
-                errors[k] = errors_of_each(estimates.instances, table, name, gripper)
+                if name == principal:
+                    rows, table = np.arange(len(estimates)), outcomes
+                else:
+                    rows, table = np.flatnonzero(_is_alone(estimates)), single
+                mine = estimates.instances.select(rows)
+                success[k, rows] = success_of_each(mine, table, name, gripper, others=incomplete)
+                errors[k, rows] = errors_of_each(mine, table, name, gripper)
+            _check_numbering(estimates, outcomes, principal, success[estimates.index(principal)])
         if truth is None:
             truth = np.full((len(estimates), 4, 4), np.nan)
         data = cls(estimates, principal, gripper, truth, success, simulated, errors)
@@ -240,6 +248,40 @@ class TrainingData:
             estimates=self.estimates.only(*estimators),
             success=self.success[rows],
             obj_T_est=None if self.obj_T_est is None else self.obj_T_est[rows],
+        )
+
+
+def _is_alone(estimates: Estimates) -> Bool[ndarray, " n"]:
+    """Find the instances of which no estimator has another one of the object in the image."""
+    if estimates.alone is not None:
+        return estimates.alone
+    keys = [gap.key for gap in estimates.incomplete] + estimates.instances.to_keys()
+    count = Counter(key[:4] for key in keys)
+    return np.array([count[key[:4]] == 1 for key in estimates.instances.to_keys()], dtype=bool)
+
+
+def _check_numbering(
+    estimates: Estimates, outcomes: pl.DataFrame, principal: str, success: Float[ndarray, " n"]
+) -> None:
+    """Raise where outcomes of a former version number instances of equal score by file order.
+
+    Raises
+    ------
+    MismatchError
+        Naming the first such instance.
+    """
+    if estimates.tied is None or "inst_id" not in outcomes.columns:
+        return
+    former = outcomes.filter(pl.col("inst_id").is_not_null(), pl.col("estimator") == principal)
+    tied = np.flatnonzero(estimates.tied & ~np.isnan(success))
+    if len(former) and len(tied):
+        key = estimates.instances.to_keys()[int(tied[0])]
+        raise MismatchError(
+            f"{key}: {principal} gave several estimates there the same score, and inst_id, of a "
+            "former version, numbers those by their place in a file, so their outcomes cannot be "
+            "assigned; number the trials by est_id (equal scores by pose, nearest first), or "
+            "simulate again",
+            parameters=("outcomes",),
         )
 
 

@@ -303,7 +303,7 @@ def _verdict_row(row: dict[str, str], path: str | PathLike[str], where: str) -> 
 
 
 def _number(text: str, name: str, path: str | PathLike[str], where: str) -> int:
-    if not text.isdecimal() or int(text) >= 2**31:
+    if not text.isdecimal() or len(text) > 10 or int(text) >= 2**31:
         raise FormatError(path, f"{name} is {text!r}, not a BOP number", where=where)
     return int(text)
 

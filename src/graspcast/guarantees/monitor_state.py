@@ -24,6 +24,9 @@ from graspcast.io.json import read_json, require, write_json
 
 __all__ = ["MonitorState"]
 
+# Columns of the attempt log, and what the certificate states of them.
+_KEPT = {"estimator": "principal", "gripper": "gripper", "grasp": "grasp", "dataset": "datasets"}
+
 _DEFAULT_ALPHA = 0.05
 
 
@@ -127,7 +130,8 @@ class MonitorState:
         attempt_log
             The attempts, oldest first, as a table of outcomes.
         provenance
-            The certificate's: its ``principal``, ``gripper`` and ``unit``, if known.
+            The certificate's: its ``principal``, ``gripper``, ``grasp``, ``datasets`` and ``unit``,
+            if known.
 
         Returns
         -------
@@ -142,12 +146,14 @@ class MonitorState:
             estimator or gripper than the certificate's.
         """
         frame = read_outcomes(attempt_log)
-        for column, key in (("estimator", "principal"), ("gripper", "gripper")):
-            others = set(frame[column]) - {provenance.get(key)}
+        for column, key in _KEPT.items():
+            kept = provenance.get(key, ())
+            kept = [kept] if isinstance(kept, str) else kept
+            others = set(frame[column]) - set(kept)
             if key in provenance and others:
                 raise MismatchError(
                     f"{attempt_log}: has attempts of {column} {', '.join(sorted(others))}, but the "
-                    f"guarantee is for {provenance[key]}",
+                    f"guarantee is for {', '.join(kept)}",
                     parameters=("attempt_log",),
                 )
         if len(frame) < self.rows_read or _digest(frame.head(self.rows_read)) != self.rows_digest:
