@@ -246,10 +246,16 @@ def outcomes_by(column: str, estimator: str = "a") -> pl.DataFrame:
     n = np.arange(60)
     return pl.DataFrame(
         {
-            "estimator": [estimator] * 60, "dataset": ["d"] * 60, "scene_id": n * 0, "im_id": n // 3,
-            "obj_id": n * 0 + 1, column: n % 3, "gripper": ["hand"] * 60, "success": n % 2,
+            "estimator": [estimator] * 60,
+            "dataset": ["d"] * 60,
+            "scene_id": n * 0,
+            "im_id": n // 3,
+            "obj_id": n * 0 + 1,
+            column: n % 3,
+            "gripper": ["hand"] * 60,
+            "success": n % 2,
         }
-    )  # fmt: skip
+    )
 
 
 def test_former_numbers_of_tied_estimates_are_refused() -> None:
