@@ -171,3 +171,14 @@ def test_representations_are_short(tmp_path: Path) -> None:
     )
     assert repr(dataset.models) == f"Models(1 object, {tmp_path / 'made' / 'models'})"
     assert repr(dataset.models.mesh(1)) == "Mesh(8 vertices, 2 faces)"
+
+
+def test_images_and_scenes_under_two_spellings_are_refused(tmp_path: Path) -> None:
+    scenes = write_scene(tmp_path, {"0": [entry()], "00": [entry()]}, scene=1)
+    with pytest.raises(FormatError, match="the keys '0' and '00' are the same image"):
+        read_ground_truth(scenes)
+    write_scene(tmp_path, {"0": [entry()]}, scene=1)
+    (scenes / "000001").rename(scenes / "1")
+    write_scene(tmp_path, {"0": [entry()]}, scene=1)
+    with pytest.raises(InputError, match="another folder here is scene 1 too"):
+        read_ground_truth(scenes)

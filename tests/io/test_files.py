@@ -90,7 +90,7 @@ def test_where_nothing_can_be_written(tmp_path: Path) -> None:
         write_text(tmp_path / "file" / "a.txt", "x")
     assert caught.value.parameters == ("out",)
     (tmp_path / "directory").mkdir()
-    with pytest.raises(InputError, match="directory: could not be written"):
+    with pytest.raises(InputError, match="directory: is a directory, and would be replaced"):
         write_text(tmp_path / "directory", "x")
     assert names(tmp_path) == ["directory", "file"]
 
@@ -123,3 +123,30 @@ def test_a_killed_process_leaves_the_old_file(tmp_path: Path) -> None:
     )
     assert done.returncode == -9
     assert path.read_text() == "old"
+
+
+@pytest.mark.skipif(not Path("/dev/null").exists(), reason="there are no device files here")
+def test_devices_pipes_and_directories_are_not_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    for path, kind in (
+        (Path("/dev/null"), "not a regular file"),
+        (tmp_path / "pipe", "not a regular file"),
+        (tmp_path / "folder", "a directory"),
+    ):
+        with pytest.raises(InputError, match=f"is {kind}, and would be replaced"):
+            write_text(path, "text")
+    assert Path("/dev/null").is_char_device()
+
+
+def test_a_symbolic_link_is_followed_and_stays(tmp_path: Path) -> None:
+    target = tmp_path / "deep" / "target.txt"
+    target.parent.mkdir()
+    target.write_text("old")
+    (tmp_path / "link").symlink_to(target)
+    write_text(tmp_path / "link", "new")
+    assert (tmp_path / "link").is_symlink()
+    assert target.read_text() == "new"
+    (tmp_path / "dangling").symlink_to(tmp_path / "made.txt")
+    write_text(tmp_path / "dangling", "new")
+    assert (tmp_path / "made.txt").read_text() == "new"

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from graspcast.errors import FormatError, InputError
-from graspcast.io.json import identifier, numbers, read_json, require, write_json
+from graspcast.io.json import by_identifier, identifier, numbers, read_json, require, write_json
 
 scalars = (
     st.none()
@@ -104,3 +104,21 @@ def test_what_are_no_three_numbers(value: object) -> None:
 
 def test_numbers_are_reshaped() -> None:
     assert numbers([1, 2, 3, 4], (2, 2), "f", "here").tolist() == [[1, 2], [3, 4]]
+
+
+@pytest.mark.parametrize("text", ['{"a": 1, "a": 1}', '[{"b": {"a": 1, "x": 0, "a": 2}}]'])
+def test_a_key_that_comes_twice_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "a.json").write_text(text)
+    with pytest.raises(FormatError, match="has the key 'a' twice in one object"):
+        read_json(tmp_path / "a.json", object)
+
+
+def test_two_spellings_of_one_id_are_refused() -> None:
+    assert list(by_identifier({"2": "x", "01": "y"}, "f", "image")) == [
+        (2, "2", "x"),
+        (1, "01", "y"),
+    ]
+    with pytest.raises(FormatError, match="the keys '0' and '00' are the same image"):
+        list(by_identifier({"0": 1, "00": 2}, "f.json", "image"))
+    with pytest.raises(FormatError, match="image x: 'x' is not a whole number"):
+        list(by_identifier({"x": 1}, "f.json", "image"))

@@ -59,3 +59,24 @@ def test_a_file_that_is_not_toml(tmp_path: Path, content: bytes) -> None:
         read_toml(tmp_path / "a.toml")
     with pytest.raises(FormatError, match="cannot be read"):
         read_toml(tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("a = " + 500 * "[" + 500 * "]", "nested too deeply"),
+        ("a = " + 5000 * "9", "is not TOML"),
+    ],
+)
+def test_files_that_cannot_be_parsed_are_refused(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(FormatError, match=says):
+        read_toml(tmp_path / "a.toml")
+
+
+def test_numbers_too_large_for_a_float_are_refused() -> None:
+    table = TomlTable(Path("a.toml"), "t", {"x": 10**400, "v": [0, 10**400]})
+    with pytest.raises(FormatError, match="x is too large a number"):
+        table.take("x", float)
+    with pytest.raises(FormatError, match="v is too large a number"):
+        table.numbers("v", 2)

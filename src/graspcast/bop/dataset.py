@@ -22,7 +22,7 @@ from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
 from graspcast.bop.summary import summary
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError, InputError
-from graspcast.io.json import identifier, numbers, read_json, require
+from graspcast.io.json import by_identifier, identifier, numbers, read_json, require
 from graspcast.pose.transforms import transform
 
 __all__ = ["BopDataset", "Camera", "GroundTruth", "Target", "read_ground_truth", "read_targets"]
@@ -98,7 +98,11 @@ def _scenes(directory: Path, file: str) -> Iterator[tuple[int, Path]]:
             f"{directory}: no such directory; it should hold scene folders (000001 …)",
             parameters=("ground_truth",),
         )
-    found = sorted(p for p in directory.iterdir() if p.name.isdigit() and (p / file).is_file())
+    found = sorted(p for p in directory.iterdir() if p.name.isdecimal() and (p / file).is_file())
+    numbers_of = [int(folder.name) for folder in found]
+    for folder, number in zip(found, numbers_of, strict=True):
+        if numbers_of.count(number) > 1:
+            raise InputError(f"{folder}: another folder here is scene {number} too; keep one")
     if not found:
         raise InputError(
             f"{directory}: no scene folder here has a {file}", parameters=("ground_truth",)
@@ -130,9 +134,8 @@ def read_ground_truth(directory: str | PathLike[str]) -> GroundTruth:
         info_path = path.with_name("scene_gt_info.json")
         info = read_json(info_path, dict) if info_path.is_file() else {}
         scene_start = len(rotations)
-        for image, instances in images.items():
+        for im_id, image, instances in by_identifier(images, path, "image"):
             where = f"image {image}"
-            im_id = identifier(image, path, where)
             if not isinstance(instances, list):
                 raise FormatError(path, "should be a list of instances", where=where)
             shares, outlines = _seen(info.get(image), len(instances), info_path, where)
@@ -287,9 +290,8 @@ class BopDataset:
         """Each image's camera by (scene_id, im_id), from the split's ``scene_camera.json``."""
         out = {}
         for scene_id, path in _scenes(self.scenes, "scene_camera.json"):
-            for image, entry in read_json(path, dict).items():
-                where = f"image {image}"
-                out[scene_id, identifier(image, path, where)] = _camera(entry, path, where)
+            for im_id, image, entry in by_identifier(read_json(path, dict), path, "image"):
+                out[scene_id, im_id] = _camera(entry, path, f"image {image}")
         return out
 
     def camera_of(self, scene_id: int, im_id: int) -> Camera:

@@ -18,7 +18,7 @@ from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
 from graspcast.bop.summary import counted
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError, UnknownNameError
-from graspcast.io.json import identifier, numbers, read_json, require
+from graspcast.io.json import by_identifier, numbers, read_json, require
 from graspcast.pose.transforms import rotation_from_vector, transform
 
 __all__ = ["ContinuousSymmetry", "ModelInfo", "Models", "read_models_info"]
@@ -104,9 +104,8 @@ def read_models_info(path: str | PathLike[str]) -> dict[int, ModelInfo]:
         Naming the object and the key.
     """
     out: dict[int, ModelInfo] = {}
-    for key, entry in read_json(path, dict).items():
+    for obj_id, key, entry in by_identifier(read_json(path, dict), path, "object"):
         where = f"object {key}"
-        obj_id = identifier(key, path, where)
 
         def number(name: str, entry: Any = entry, where: str = where) -> float:
             return float(numbers(require(entry, name, path, where), (), path, f"{where}, {name}"))

@@ -18,14 +18,18 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path beside ``path``; rename it onto ``path`` if the block succeeds.
 
     If the block raises, the temporary file is removed and ``path`` stays as it was. Missing
-    parent directories are created.
+    parent directories are created. A symbolic link is followed.
 
     Raises
     ------
     InputError
-        If the directory cannot be written, or the disk is full.
+        If ``path`` is a directory, a device or a pipe, the directory cannot be written, or the disk
+        is full.
     """
-    target = Path(path)
+    target = Path(os.path.realpath(path))  # through symbolic links, which stay
+    if target.exists() and not target.is_file():
+        kind = "a directory" if target.is_dir() else "not a regular file"
+        raise InputError(f"{path}: is {kind}, and would be replaced", parameters=("out",))
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from numpy import ndarray
 from graspcast.errors import FormatError, InputError
 from graspcast.io.files import write_text
 
-__all__ = ["identifier", "numbers", "read_json", "require", "write_json"]
+__all__ = ["by_identifier", "identifier", "numbers", "read_json", "require", "write_json"]
 
 
 def read_json(path: str | PathLike[str], kind: type[object]) -> Any:
@@ -27,17 +27,32 @@ def read_json(path: str | PathLike[str], kind: type[object]) -> Any:
         If it cannot be read or parsed, or its top level is something else.
     """
     try:
-        value = json.loads(Path(path).read_text(encoding="utf-8-sig"))
+        text = Path(path).read_text(encoding="utf-8-sig")
+        value = json.loads(text, object_pairs_hook=_without_repeats)
     except OSError as error:
         raise FormatError(path, f"cannot be read ({error.strerror})") from error
     except RecursionError as error:
         raise FormatError(path, "is nested too deeply") from error
+    except _RepeatedKeyError as error:
+        raise FormatError(path, f"has the key {str(error)!r} twice in one object") from error
     except ValueError as error:  # json.JSONDecodeError, UnicodeDecodeError and too-long integers
         raise FormatError(path, f"is not valid JSON ({error})") from error
     if not isinstance(value, kind):
         name = "an object" if kind is dict else "a list"
         raise FormatError(path, f"should hold {name} at its top level")
     return value
+
+
+class _RepeatedKeyError(Exception):
+    pass
+
+
+def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    out = dict(pairs)
+    if len(out) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise _RepeatedKeyError(next(key for key in keys if keys.count(key) > 1))
+    return out
 
 
 def write_json(
@@ -116,6 +131,33 @@ def identifier(value: Any, path: str | PathLike[str], where: str) -> int:
             path, f"{value!r} is not a whole number, 0 or more", where=where
         ) from error
     return number
+
+
+def by_identifier(
+    content: Mapping[str, Any], path: str | PathLike[str], what: str
+) -> Iterator[tuple[int, str, Any]]:
+    """Yield the id, the key and the value of each entry of an object whose keys are BOP ids.
+
+    Parameters
+    ----------
+    content
+        The object.
+    path
+        The file, for messages.
+    what
+        What the ids are of, for messages.
+
+    Raises
+    ------
+    FormatError
+        For a key that is no id, or two keys of one id (``"0"`` and ``"00"``).
+    """
+    keys: dict[int, str] = {}
+    for key, value in content.items():
+        number = identifier(key, path, f"{what} {key}")
+        if (first := keys.setdefault(number, key)) != key:
+            raise FormatError(path, f"the keys {first!r} and {key!r} are the same {what}")
+        yield number, key, value
 
 
 def numbers(

@@ -27,6 +27,8 @@ def read_toml(path: Path) -> dict[str, Any]:
             return tomllib.load(stream)
     except OSError as error:
         raise FormatError(path, f"cannot be read ({error.strerror})") from error
+    except RecursionError as error:
+        raise FormatError(path, "is nested too deeply") from error
     except ValueError as error:  # bad TOML or bad UTF-8
         raise FormatError(path, f"is not TOML ({error})") from error
 
@@ -82,7 +84,7 @@ class TomlTable:
             return default
         value = self.values[key]
         if kind is float and isinstance(value, int) and not isinstance(value, bool):
-            return float(value)
+            return self._float(key, value)
         if not isinstance(value, kind) or (kind is not bool and isinstance(value, bool)):
             raise self.error(key, f"should be {_IN_WORDS[kind]}, not {value!r}")
         return value
@@ -121,9 +123,18 @@ class TomlTable:
         """
         values = list(self.take(key, list, default))
         numeric = all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
-        if len(values) != count or not numeric or not np.isfinite(values).all():
+        if len(values) != count or not numeric:
             raise self.error(key, f"should be {count} finite numbers, not {values}")
-        return [float(v) for v in values]
+        found = [self._float(key, v) for v in values]
+        if not np.isfinite(found).all():
+            raise self.error(key, f"should be {count} finite numbers, not {values}")
+        return found
+
+    def _float(self, key: str, value: float) -> float:
+        try:
+            return float(value)
+        except OverflowError as error:
+            raise self.error(key, "is too large a number") from error
 
     def nothing_else(self) -> None:
         """Check that no key is left over.
