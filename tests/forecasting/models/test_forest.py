@@ -133,3 +133,60 @@ def test_a_row_is_answered_alike_alone_and_among_others() -> None:
     order = np.random.default_rng(0).permutation(len(rows))
     assert_array_equal(forest.mean(rows[order]), together[order])
     assert forest.mean(rows[:0]).shape == (0,)
+
+
+# --- Arrays that are no forest --------------------------------------------------------------------
+
+
+def stump() -> dict[str, np.ndarray]:
+    """Two trees: one of three nodes, one of five."""
+    return {
+        "f/feature": np.array([0, -1, -1, 1, 0, -1, -1, -1], np.int16),
+        "f/threshold": np.zeros(8, np.float32),
+        "f/right": np.array([2, 0, 1, 7, 6, 0, 1, 2], np.int32),
+        "f/value": np.linspace(0, 1, 8, dtype=np.float32),
+        "f/roots": np.array([0, 3, 8], np.int32),
+    }
+
+
+def test_a_whole_forest_is_read() -> None:
+    forest = Forest.from_arrays(stump(), "f")
+    assert (forest.trees, forest.columns) == (2, 2)
+    assert forest.leaves(np.array([[1.0, -1.0], [-1.0, 1.0]])).tolist() == [[1, 1], [0, 2]]
+    with pytest.raises(ValueError, match="needs 2 columns, not 1"):
+        forest.mean(np.zeros((3, 1)))
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "value"),
+    [
+        ("right", 0, 0),  # its own child: an endless loop
+        ("right", 0, 1),
+        ("right", 0, 3),  # a node of another tree
+        ("right", 3, 10**6),  # beyond the end
+        ("right", 3, -5),
+        ("right", 1, 7),  # a leaf that is none
+        ("feature", 2, 0),  # the last node has no child
+        ("feature", 0, -2),
+        ("threshold", 0, np.nan),
+        ("value", 1, np.inf),
+        ("roots", 1, 9),
+        ("roots", 0, 1),
+        ("roots", 2, 7),
+    ],
+)
+def test_arrays_that_would_loop_or_read_elsewhere_are_refused(
+    name: str, place: int, value: float
+) -> None:
+    arrays = stump()
+    arrays[f"f/{name}"][place] = value
+    with pytest.raises(ValueError, match="forest"):
+        Forest.from_arrays(arrays, "f")
+
+
+@pytest.mark.parametrize("name", ["feature", "threshold", "right", "value", "roots"])
+def test_arrays_of_other_types_and_lengths_are_refused(name: str) -> None:
+    whole = stump()[f"f/{name}"]
+    for wrong in (whole[:-1], whole[None], whole.astype(str), whole[:0]):
+        with pytest.raises(ValueError, match="forest"):
+            Forest.from_arrays(stump() | {f"f/{name}": wrong}, "f")

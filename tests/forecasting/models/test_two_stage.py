@@ -173,3 +173,20 @@ def test_arrays_there_and_back(
     again = ErrorModel.from_arrays(errors.to_arrays("e"), "e")
     features = asked(10)[0]
     assert_array_equal(again.draws(features, DRAWS), errors.draws(features, DRAWS))
+
+
+@pytest.mark.parametrize("name", ["first", "offset", "members", "truth"])
+@pytest.mark.parametrize("value", [-1, 10**6, np.nan])
+def test_error_models_that_would_read_elsewhere_are_refused(name: str, value: float) -> None:
+    features, truth = np.random.default_rng(0).normal(size=(2, 40, 6))
+    arrays = ErrorModel.fit(features, truth, trees=3, seed=0).to_arrays("e")
+    assert len(ErrorModel.from_arrays(arrays, "e").truth) == 40
+    broken = arrays[f"e/{name}"].copy()
+    if np.isnan(value) and name != "truth":
+        broken = broken[:-1]
+    elif name == "truth":
+        broken[3, 2] = np.inf if value != value else np.nan
+    else:
+        broken[-1 if name == "first" else 1] = value
+    with pytest.raises(ValueError, match="error model"):
+        ErrorModel.from_arrays(arrays | {f"e/{name}": broken}, "e")

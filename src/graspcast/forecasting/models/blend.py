@@ -28,12 +28,19 @@ from graspcast.forecasting.models.design_matrix import DesignMatrix
 from graspcast.forecasting.models.encoding import one_hot_numbers
 from graspcast.forecasting.models.forest import Forest, flatten
 from graspcast.forecasting.models.out_of_fold import OutOfFold
-from graspcast.forecasting.models.two_stage import ErrorModel, SuccessGivenError, expected_success
+from graspcast.forecasting.models.two_stage import (
+    ERROR_INPUTS,
+    ErrorModel,
+    SuccessGivenError,
+    expected_success,
+)
 from graspcast.forecasting.splits import fold_numbers
 from graspcast.forecasting.training_data import TrainingData
 from graspcast.io.progress import Progress, step_of
 
 __all__ = ["Blend", "ForestSettings"]
+
+_MAX_DRAWS = 100_000
 
 _STAGE_INPUTS = (
     "shift", "turn", "mid", "across_rel", "angle", "angle_between", "offset_between",
@@ -220,15 +227,28 @@ class Blend:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Blend:
-        """Restore what :meth:`to_arrays` returned."""
+        """Restore what :meth:`to_arrays` returned.
+
+        Raises
+        ------
+        ValueError
+            If the arrays are no model.
+        """
+        objects = len(arrays["tried"])
+        if arrays["known"].shape != (objects,) or arrays["calibration"].shape != (2, 2):
+            raise ValueError("the arrays of the model have different lengths")
+        if not 1 <= int(arrays["draws"]) <= _MAX_DRAWS:
+            raise ValueError(f"the model draws {int(arrays['draws'])} pose errors")
         direct = errors = success_given_error = None
         if "direct/roots" in arrays:
             direct = Forest.from_arrays(arrays, "direct")
         if "success_given_error/roots" in arrays:
             errors = ErrorModel.from_arrays(arrays, "errors")
             success_given_error = SuccessGivenError(
-                Forest.from_arrays(arrays, "success_given_error"), len(arrays["tried"])
+                Forest.from_arrays(arrays, "success_given_error"), objects
             )
+            if success_given_error.forest.columns > ERROR_INPUTS + objects:
+                raise ValueError("the model of success given error needs columns that are none")
         return cls(
             direct,
             errors,

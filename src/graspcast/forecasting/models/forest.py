@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any, no_type_check
 
 import numpy as np
@@ -50,10 +51,12 @@ class Forest:
 
     def mean(self, rows: Float[ndarray, "n d"]) -> Float[ndarray, " n"]:
         """Predict each row: the mean of the trees' predictions."""
+        self.check_rows(rows)
         return _mean(np.ascontiguousarray(rows, np.float32), *self.arrays())
 
     def leaves(self, rows: Float[ndarray, "n d"]) -> Int[ndarray, "n trees"]:
         """Return the number, within its tree, of the leaf that each row reaches."""
+        self.check_rows(rows)
         return _leaves(np.ascontiguousarray(rows, np.float32), *self.arrays())
 
     def arrays(self) -> tuple[ndarray, ...]:
@@ -66,8 +69,54 @@ class Forest:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray], prefix: str) -> Forest:
-        """Restore what :meth:`to_arrays` returned."""
-        return cls(*(arrays[f"{prefix}/{f.name}"] for f in fields(cls)))
+        """Restore what :meth:`to_arrays` returned.
+
+        Raises
+        ------
+        ValueError
+            If the arrays are no forest: compiled code would loop for ever, or read elsewhere.
+        """
+        out = cls(*(arrays[f"{prefix}/{f.name}"] for f in fields(cls)))
+        out._check()
+        return out
+
+    def _check(self) -> None:
+        kinds = {"feature": "i", "threshold": "f", "right": "i", "value": "f", "roots": "i"}
+        for name, kind in kinds.items():
+            array = getattr(self, name)
+            if array.ndim != 1 or array.dtype.kind != kind:
+                raise ValueError(f"{name} of a forest is not a list of numbers of its kind")
+        nodes, roots = len(self.feature), self.roots
+        sizes = {len(self.threshold), len(self.right), len(self.value)}
+        if sizes != {nodes} or len(roots) < 2 or roots[0] != 0 or roots[-1] != nodes:
+            raise ValueError("the arrays of a forest have different lengths")
+        if (np.diff(roots) < 1).any() or (self.feature < -1).any():
+            raise ValueError("a tree of a forest is empty, or tests a column that is none")
+        node = np.arange(nodes)
+        last = np.repeat(roots[1:], np.diff(roots))
+        leaf = self.feature < 0
+        # Both children come after their parent, so every path ends; and within its tree.
+        astray = ~leaf & ((self.right <= node + 1) | (self.right >= last))
+        number = np.cumsum(leaf) - 1
+        before = np.repeat(number[roots[:-1]] - leaf[roots[:-1]] + 1, np.diff(roots))
+        if (
+            astray.any()
+            or (leaf & (self.right != number - before)).any()
+            or not leaf[last - 1].all()
+        ):
+            raise ValueError("a node of a forest leads astray")
+        if not (np.isfinite(self.threshold).all() and np.isfinite(self.value).all()):
+            raise ValueError("a forest holds numbers that are not finite")
+
+    @cached_property
+    def columns(self) -> int:
+        """Number of columns that a row needs at least."""
+        return int(self.feature.max(initial=-1)) + 1
+
+    def check_rows(self, rows: ndarray) -> None:
+        """Raise a ValueError for rows with fewer columns than the forest tests."""
+        if rows.shape[1] < self.columns:
+            raise ValueError(f"a forest needs {self.columns} columns, not {rows.shape[1]}")
 
 
 def flatten(model: Any) -> Forest:

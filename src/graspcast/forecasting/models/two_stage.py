@@ -28,7 +28,10 @@ from graspcast.forecasting.models.forest import Forest, flatten, walk
 from graspcast.pose.ray_frame import compressed
 from graspcast.pose.transforms import rotation_vector
 
-__all__ = ["ErrorModel", "SuccessGivenError", "expected_success"]
+__all__ = ["ERROR_INPUTS", "ErrorModel", "SuccessGivenError", "expected_success"]
+
+ERROR_INPUTS = 8
+"""Inputs of the second stage that describe the pose error: see :class:`SuccessGivenError`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +99,36 @@ class ErrorModel:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray], prefix: str) -> ErrorModel:
-        """Restore what :meth:`to_arrays` returned."""
+        """Restore what :meth:`to_arrays` returned.
+
+        Raises
+        ------
+        ValueError
+            If the arrays are no error model.
+        """
         names = ("first", "offset", "members", "truth")
-        return cls(
+        out = cls(
             Forest.from_arrays(arrays, f"{prefix}/f"), *(arrays[f"{prefix}/{k}"] for k in names)
         )
+        out._check()
+        return out
+
+    def _check(self) -> None:
+        leaf = (self.forest.feature < 0).astype(np.int64)
+        counts = np.add.reduceat(leaf, self.forest.roots[:-1])
+        whole = all(a.dtype.kind == "i" for a in (self.first, self.offset, self.members))
+        if not whole or self.truth.ndim != 2 or self.truth.shape[1] != 6 or self.members.ndim != 1:
+            raise ValueError("the arrays of an error model have wrong types or shapes")
+        if not np.array_equal(self.offset, np.cumsum(counts) - counts):
+            raise ValueError("the leaves of an error model are numbered wrongly")
+        first, entries = self.first, len(self.members)
+        ordered = first.shape == (counts.sum() + 1,) and (np.diff(first) > 0).all()
+        if not ordered or first[0] != 0 or first[-1] != entries:
+            raise ValueError("a leaf of an error model has no members")
+        if ((self.members < 0) | (self.members >= len(self.truth))).any():
+            raise ValueError("an error model has members that are no instances")
+        if not np.isfinite(self.truth).all():
+            raise ValueError("an error model holds numbers that are not finite")
 
 
 def _places(count: int) -> Float[ndarray, " count"]:
@@ -190,6 +218,7 @@ def expected_success(
         Trees of the second stage that evaluate each draw; a different few for every draw, so that
         all trees take part.
     """
+    errors.forest.check_rows(features)
     return _expected(
         np.ascontiguousarray(features, np.float32),
         np.ascontiguousarray(axes, np.float64),
