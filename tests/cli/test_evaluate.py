@@ -65,7 +65,7 @@ def test_refusals(
 def test_own_outcomes_are_asked_for(data_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["evaluate", "--data", str(data_dir), "--methods", "majority"]
     assert main([*command, "--protocols", "unseen_object_simulated"]) == 2
-    assert "give its directory with --outcomes" in capsys.readouterr().err
+    assert "give its directory (see --outcomes)" in capsys.readouterr().err
 
 
 @pytest.mark.slow

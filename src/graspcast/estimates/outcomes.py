@@ -18,7 +18,7 @@ import polars as pl
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.errors import FormatError, InputError, MismatchError
+from graspcast.errors import FormatError, MismatchError
 from graspcast.estimates.instances import KEY_SCHEMA, Instances
 from graspcast.io.tables import read_csv, read_parquet
 from graspcast.pose.transforms import rotation_from_vector, rotation_vector, transform
@@ -84,27 +84,24 @@ def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
     frame = _read(path)
     if {"inst_id", "est_id"} <= set(frame.columns):
         raise FormatError(path, "has both est_id and inst_id, its former name; leave one out")
-    try:
-        return checked_outcomes(frame)
-    except _TableError as error:
-        raise FormatError(path, error.problem, where=error.where) from error
+    return checked_outcomes(frame, source=path)
 
 
-class _TableError(InputError):
-    """What is wrong with a table of outcomes, and in which row."""
-
-    def __init__(self, problem: str, where: str | None = None):
-        self.problem, self.where = problem, where
-        place = f", {where}" if where else ""
-        super().__init__(f"the outcomes{place}: {problem}", parameters=("outcomes",))
-
-
-def checked_outcomes(frame: pl.DataFrame) -> pl.DataFrame:
+def checked_outcomes(
+    frame: pl.DataFrame, *, source: str | PathLike[str] = "the outcomes"
+) -> pl.DataFrame:
     """Check a table of outcomes, and bring its columns into the form of :func:`read_outcomes`.
+
+    Parameters
+    ----------
+    frame
+        The table.
+    source
+        Where it is from, for messages.
 
     Raises
     ------
-    InputError
+    FormatError
         Naming the column or row, and the remedy.
     """
     if "est_id" not in frame.columns and "inst_id" in frame.columns:
@@ -117,7 +114,7 @@ def checked_outcomes(frame: pl.DataFrame) -> pl.DataFrame:
     missing = [name for name in kinds if name not in frame.columns and name not in _OPTIONAL]
     if missing:
         found = ", ".join(frame.columns)
-        raise _TableError(f"no column {', '.join(map(repr, missing))}; found {found}")
+        raise FormatError(source, f"no column {', '.join(map(repr, missing))}; found {found}")
     added = {"est_id": pl.lit(None, pl.Int64), "grasp": pl.lit(REFERENCE_GRASP)}
     frame = frame.with_columns(**{k: v for k, v in added.items() if k not in frame.columns})
     for name, kind in kinds.items():
@@ -126,38 +123,45 @@ def checked_outcomes(frame: pl.DataFrame) -> pl.DataFrame:
         fractional = column.dtype.is_float() or column.dtype.is_decimal()
         if kind == pl.Int64 and fractional and (cut := column % 1 != 0).any():
             row = cut.arg_true()[0]
-            raise _TableError(f"{name} is {column[row]}, not a whole number", f"row {row + 1}")
+            raise FormatError(
+                source, f"{name} is {column[row]}, not a whole number", where=f"row {row + 1}"
+            )
     try:
         frame = frame.select(pl.col(name).cast(kind) for name, kind in kinds.items())
     except pl.exceptions.PolarsError as error:
         first = str(error).splitlines()[0]
-        raise _TableError(f"a column does not hold what it should ({first})") from error
-    _check_values(frame)
+        raise FormatError(source, f"a column does not hold what it should ({first})") from error
+    _check_values(frame, source)
     return frame
 
 
-def _check_values(frame: pl.DataFrame) -> None:
+def _check_values(frame: pl.DataFrame, source: str | PathLike[str]) -> None:
     """Raise for an empty field, a success that is not 0 or 1, or two outcomes of one trial."""
     for name in (*TRIAL_COLUMNS, "success"):
         empty = frame[name].is_null()
         if empty.any() and name != "est_id":
-            raise _TableError(f"an empty field: {name}", f"row {empty.arg_true()[0] + 1}")
+            raise FormatError(
+                source, f"an empty field: {name}", where=f"row {empty.arg_true()[0] + 1}"
+            )
     wrong = ~frame["success"].is_in([0, 1])
     if wrong.any():
         row = wrong.arg_true()[0]
-        raise _TableError(f"success is {frame['success'][row]}, not 0 or 1", f"row {row + 1}")
-    _check_repeated(frame)
+        raise FormatError(
+            source, f"success is {frame['success'][row]}, not 0 or 1", where=f"row {row + 1}"
+        )
+    _check_repeated(frame, source)
 
 
-def _check_repeated(frame: pl.DataFrame) -> None:
+def _check_repeated(frame: pl.DataFrame, source: str | PathLike[str]) -> None:
     # A trial without est_id is one of an object that its image shows once: est_id 0.
     keys = frame.select(TRIAL_COLUMNS).with_columns(pl.col("est_id").fill_null(0))
     twice = frame.filter(keys.is_duplicated())
     if len(twice):
         hint = "; a column est_id tells several instances apart"
-        raise _TableError(
+        raise FormatError(
+            source,
             f"{len(twice)} rows share their trial with another: {_described(twice)}"
-            + (hint if twice["est_id"].is_null().any() else "")
+            + (hint if twice["est_id"].is_null().any() else ""),
         )
 
 
@@ -167,16 +171,11 @@ def read_all_outcomes(paths: Iterable[str | PathLike[str]]) -> pl.DataFrame:
     Raises
     ------
     FormatError
-        Naming the file that is wrong.
-    InputError
-        If two of them hold the same trial.
+        Naming the file that is wrong, or the files that hold the same trial.
     """
     paths = list(paths)
     table = pl.concat([read_outcomes(path) for path in paths], how="diagonal")
-    try:
-        _check_repeated(table)
-    except _TableError as error:
-        raise InputError(f"{', '.join(map(str, paths))}: {error.problem}") from error
+    _check_repeated(table, ", ".join(map(str, paths)))
     return table
 
 
