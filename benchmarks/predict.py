@@ -21,7 +21,6 @@ import numpy as np
 from graspcast import (
     Estimates,
     Forecaster,
-    NetworkSettings,
     TrainingData,
     Verdict,
     train_forecaster,
@@ -29,6 +28,7 @@ from graspcast import (
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results, read_results, write_results
 from graspcast.estimates.alignment import align
+from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
 from graspcast.forecasting.verdict import verdict_rows, write_verdicts
 from graspcast.pose.transforms import rotation_from_quaternion, transform
@@ -132,7 +132,7 @@ def time_it(
 
     def answer(estimates: Estimates = estimates) -> None:
         verdicts = forecaster.verdicts(estimates, models)
-        rows = [row for _, row in verdict_rows(estimates, verdicts, "parallel")]
+        rows = verdict_rows(estimates, verdicts, principal=NAMES[0], gripper="parallel")
         write_verdicts(paths["first"].with_name("verdicts.csv"), rows)
 
     def whole() -> None:

@@ -165,14 +165,26 @@ class Forecaster:
             As :meth:`probability`.
         """
         problems = estimate_problems(estimates.only(*self.card.estimators), models)
+        options: dict[str, Any] = {"threshold": threshold, "guarantee": guarantee}
+        options |= {"ood_alpha": ood_alpha, "explain": explain}
+        if not any(problems):
+            return self._decide(estimates, models, **options)
         sane = np.array([not problem for problem in problems], dtype=bool)
-        if not sane.all():
-            options: dict[str, Any] = {"threshold": threshold, "guarantee": guarantee}
-            options |= {"ood_alpha": ood_alpha, "explain": explain}
-            decided = iter(
-                self.verdicts(estimates.select(sane), models, **options) if sane.any() else ()
-            )
-            return [Verdict(False, None, why) if why else next(decided) for why in problems]
+        decided = self._decide(estimates.select(sane), models, **options) if sane.any() else []
+        found = iter(decided)
+        return [Verdict(False, None, why) if why else next(found) for why in problems]
+
+    def _decide(
+        self,
+        estimates: Estimates,
+        models: Mapping[str, Models] | None,
+        *,
+        threshold: float | None,
+        guarantee: str | None,
+        ood_alpha: float,
+        explain: bool,
+    ) -> list[Verdict]:
+        """Decide on instances whose poses are all sane."""
         found, numbers = self._inputs(estimates, models)
         attribution: Iterable[tuple[tuple[str, float], ...]] = repeat((), len(estimates))
         if explain:
@@ -231,9 +243,17 @@ class Forecaster:
         check_threshold(threshold)
         self._check_estimators(poses)
         self._object_numbers(np.array([object_name]))
-        estimates = estimates_of_one(poses, object_name, models)
-        (verdict,) = self.verdicts(
-            estimates, models, threshold=threshold, ood_alpha=ood_alpha, explain=explain
+        mine = {name: poses[name] for name in self.card.estimators}
+        estimates, missing = estimates_of_one(mine, object_name, models)
+        if missing:
+            return Verdict(False, None, f"no estimate by {', '.join(missing)}")
+        (verdict,) = self._decide(
+            estimates,
+            models,
+            threshold=threshold,
+            guarantee=None,
+            ood_alpha=ood_alpha,
+            explain=explain,
         )
         return verdict
 

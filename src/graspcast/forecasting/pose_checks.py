@@ -37,7 +37,8 @@ def estimate_problems(estimates: Estimates, models: Mapping[str, Models] | None)
     for name in estimates.estimators:
         poses = estimates.of(name)
         empty = is_placeholder(poses).tolist()
-        for i, problem in enumerate(pose_problems(poses, diameters)):
+        problems = pose_problems(poses, diameters)
+        for i, problem in enumerate(problems if any(problems) else ()):
             if problem:
                 why = name if empty[i] else f"{name} (its pose {problem})"
                 out[i] = f"{out[i]}, {why}" if out[i] else f"no estimate by {why}"
@@ -48,8 +49,8 @@ def estimates_of_one(
     poses: Mapping[str, Float[ndarray, "4 4"] | None],
     object_name: str,
     models: Mapping[str, Models] | None,
-) -> Estimates:
-    """Return the estimates of one instance, of no image in particular.
+) -> tuple[Estimates, list[str]]:
+    """Return the estimates of one instance, of no image in particular, and who has none.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ def estimates_of_one(
 
     Returns
     -------
-        A pose at the camera's centre stands for None.
+        The estimates, and the estimators that found nothing: with None, or a placeholder.
 
     Raises
     ------
@@ -81,13 +82,15 @@ def estimates_of_one(
             )
         arrays.append(np.eye(4) if pose is None else _as_matrix(name, pose))
     instances = Instances.of([InstanceKey(dataset, 0, 0, obj_id, 0)])
-    estimates = Estimates(tuple(poses), instances, np.stack(arrays)[:, None])
-    for name in estimates.estimators:
-        pose = estimates.of(name)
-        (problem,) = pose_problems(pose, _diameters(instances, models))
-        if problem and not is_placeholder(pose)[0]:
+    stacked = np.stack(arrays)
+    diameters = np.repeat(_diameters(instances, models), len(stacked))
+    missing = []
+    for name, pose, problem in zip(poses, stacked, pose_problems(stacked, diameters), strict=True):
+        if problem and not is_placeholder(pose):
             raise InputError(f"the pose by {name} {problem}")
-    return estimates
+        if problem:
+            missing.append(name)
+    return Estimates(tuple(poses), instances, stacked[:, None]), missing
 
 
 def _as_matrix(name: str, pose: Any) -> Float[ndarray, "4 4"]:
@@ -102,9 +105,10 @@ def _as_matrix(name: str, pose: Any) -> Float[ndarray, "4 4"]:
 
 def _diameters(instances: Instances, models: Mapping[str, Models] | None) -> Float[ndarray, " n"]:
     """Return the diameter of each instance's object, metres, NaN where no model is known."""
-    out = np.full(len(instances), np.nan)
-    pairs = zip(instances.dataset.tolist(), instances.obj_id.tolist(), strict=True)
-    for i, (dataset, obj_id) in enumerate(pairs):
-        if models and dataset in models and obj_id in models[dataset].info:
-            out[i] = models[dataset].info[obj_id].diameter_m
-    return out
+    pairs = list(zip(instances.dataset.tolist(), instances.obj_id.tolist(), strict=True))
+    known = {
+        (dataset, obj_id): models[dataset].info[obj_id].diameter_m
+        for dataset, obj_id in set(pairs)
+        if models and dataset in models and obj_id in models[dataset].info
+    }
+    return np.array([known.get(pair, np.nan) for pair in pairs], dtype=np.float64)

@@ -203,7 +203,10 @@ def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> Non
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(COLUMNS)
-    for row in rows:
+    rows = list(rows)
+    poses = np.stack([row.cam_T_obj for row in rows]) if rows else np.empty((0, 4, 4))
+    R, t = poses[:, :3, :3].reshape(-1, 9).tolist(), millimetres(poses[:, :3, 3]).tolist()
+    for i, row in enumerate(rows):
         given = row.verdict.probability
         writer.writerow(
             [
@@ -214,8 +217,8 @@ def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> Non
                 "" if given is None else f"{given:.6f}",
                 row.verdict,
                 row.verdict.reason,
-                _joined(row.cam_T_obj[:3, :3].ravel()),
-                _joined(millimetres(row.cam_T_obj[:3, 3])),
+                " ".join(map(repr, R[i])),
+                " ".join(map(repr, t[i])),
             ]
         )
     write_text(path, out.getvalue())
@@ -318,7 +321,3 @@ def _numbers(
     if values.shape != (count,) or not np.isfinite(values).all():
         raise FormatError(path, f"{name} is not {count} finite numbers: {text!r}", where=where)
     return values
-
-
-def _joined(values: ndarray) -> str:
-    return " ".join(map(repr, values.tolist()))
