@@ -72,6 +72,13 @@ class Forecaster:
     typical: Float[ndarray, " d"]
     """Medians of the training features, the baseline of attributions."""
 
+    def __repr__(self) -> str:
+        card = self.card
+        return (
+            f"Forecaster({card.method}: {card.principal} with {', '.join(card.supporters)}; "
+            f"{card.gripper} gripper, {len(card.objects)} objects, {card.samples} samples)"
+        )
+
     @property
     def needs_models(self) -> bool:
         """Whether its features need object models."""

@@ -43,6 +43,9 @@ class SimulatedTrials:
     obj_T_est: Float[ndarray, "n 4 4"]
     success: Bool[ndarray, " n"]
 
+    def __repr__(self) -> str:
+        return f"SimulatedTrials({len(self)} of {len(set(self.objects.tolist()))} objects)"
+
     def __len__(self) -> int:
         return len(self.success)
 
@@ -177,6 +180,13 @@ class TrainingData:
                 parameters=("outcomes", "principal"),
             )
         return data
+
+    def __repr__(self) -> str:
+        return (
+            f"TrainingData({len(self)} instances, {int(self.is_tried.sum())} with outcomes, "
+            f"{int(self.has_truth.sum())} with true poses; principal {self.principal}, "
+            f"{self.gripper} gripper)"
+        )
 
     def __len__(self) -> int:
         return len(self.estimates)

@@ -112,6 +112,9 @@ class VerdictRow:
     cam_T_obj: Float[ndarray, "4 4"]
     grasp: str = REFERENCE_GRASP
 
+    def __repr__(self) -> str:
+        return f"VerdictRow({self.key} by {self.principal}, {self.gripper} gripper: {self.verdict})"
+
 
 def check_threshold(threshold: float) -> float:
     """Return a decision threshold, if it is a probability.

@@ -137,6 +137,9 @@ class Certificate:
     sequence: ThresholdSequence
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        return f"Certificate({self.overall})"
+
     @property
     def overall(self) -> Guarantee:
         """The guarantee for all objects together."""

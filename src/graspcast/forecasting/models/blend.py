@@ -227,13 +227,7 @@ class Blend:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Blend:
-        """Restore what :meth:`to_arrays` returned.
-
-        Raises
-        ------
-        ValueError
-            If the arrays are no model.
-        """
+        """Restore what :meth:`to_arrays` returned; raise a ValueError if it is no model."""
         objects = len(arrays["tried"])
         if arrays["known"].shape != (objects,) or arrays["calibration"].shape != (2, 2):
             raise ValueError("the arrays of the model have different lengths")
