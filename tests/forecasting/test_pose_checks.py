@@ -88,12 +88,20 @@ def test_poses_that_cannot_be_are_refused_alone_and_abstained_from_among_others(
     assert says in verdicts[1].reason
 
 
-def test_one_array_for_two_estimators_is_refused(
+def test_one_array_for_two_estimators_is_never_attempted(
     forecaster: Forecaster, models: dict[str, Models]
 ) -> None:
     pose = in_front(models)
-    with pytest.raises(InputError, match="a and c are given one and the same array"):
-        forecaster.predict({"a": pose, "b": pose.copy(), "c": pose}, "d-1", models=models)
+    poses = {"a": pose, "b": pose.copy(), "c": pose}
+    verdict = forecaster.predict(poses, "d-1", threshold=0.0, models=models)
+    assert not verdict.attempt
+    assert "a and c are given one and the same array" in verdict.reason
+    # What is wrong with the pose itself is said first.
+    with pytest.raises(InputError, match="mirrored"):
+        mirrored = pose @ np.diag([1.0, 1, -1, 1])
+        forecaster.predict(dict.fromkeys("abc", mirrored), "d-1", models=models)
+    verdict = forecaster.predict(dict.fromkeys("abc", np.eye(4)), "d-1", models=models)
+    assert verdict.reason == "no estimate by a, b, c"
 
 
 def test_sane_poses_have_no_problems(models: dict[str, Models]) -> None:

@@ -229,7 +229,8 @@ class Forecaster:
         ----------
         poses
             Estimator's name to its ``cam_T_obj``, metres; None or a pose at the camera's centre
-            where it found nothing: the verdict is to abstain.
+            where it found nothing: the verdict is to abstain. So it is where two estimators are
+            given one and the same array.
         object_name
             ``dataset-number``, as in ``lmo-1``.
         threshold
@@ -244,16 +245,15 @@ class Forecaster:
         MismatchError
             For other estimators or objects than it was trained for.
         InputError
-            For a pose that no object in front of a camera can have, two estimators with one and
-            the same array, or a threshold outside [0, 1].
+            For a pose that no object in front of a camera can have, or a threshold outside [0, 1].
         """
         check_threshold(threshold)
         self._check_estimators(poses)
         self._object_numbers(np.array([object_name]))
         mine = {name: poses[name] for name in self.card.estimators}
-        estimates, missing = estimates_of_one(mine, object_name, models)
-        if missing:
-            return Verdict(False, None, f"no estimate by {', '.join(missing)}")
+        estimates, reason = estimates_of_one(mine, object_name, models)
+        if reason:
+            return Verdict(False, None, reason)
         (verdict,) = self._decide(
             estimates,
             models,

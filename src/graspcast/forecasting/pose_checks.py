@@ -49,8 +49,8 @@ def estimates_of_one(
     poses: Mapping[str, Float[ndarray, "4 4"] | None],
     object_name: str,
     models: Mapping[str, Models] | None,
-) -> tuple[Estimates, list[str]]:
-    """Return the estimates of one instance, of no image in particular, and who has none.
+) -> tuple[Estimates, str]:
+    """Return the estimates of one instance, of no image in particular, and why to abstain.
 
     Parameters
     ----------
@@ -63,24 +63,16 @@ def estimates_of_one(
 
     Returns
     -------
-        The estimates, and the estimators that found nothing: with None, or a placeholder.
+        The estimates; and why there is no forecast, or an empty text: an estimator found nothing
+        (None or a placeholder), or two are given one and the same array, which always agrees.
 
     Raises
     ------
     InputError
-        For a pose that no object in front of a camera can have (other than a placeholder), or two
-        estimators with one and the same array: its agreement with itself says nothing.
+        For a pose that no object in front of a camera can have, other than a placeholder.
     """
     dataset, obj_id = split_object_name(object_name)
-    names: dict[int, str] = {}
-    arrays = []
-    for name, pose in poses.items():
-        if pose is not None and (first := names.setdefault(id(pose), name)) != name:
-            raise InputError(
-                f"{first} and {name} are given one and the same array: its agreement with itself "
-                "says nothing"
-            )
-        arrays.append(np.eye(4) if pose is None else _as_matrix(name, pose))
+    arrays = [np.eye(4) if p is None else _as_matrix(name, p) for name, p in poses.items()]
     instances = Instances.of([InstanceKey(dataset, 0, 0, obj_id, 0)])
     stacked = np.stack(arrays)
     diameters = np.repeat(_diameters(instances, models), len(stacked))
@@ -90,7 +82,16 @@ def estimates_of_one(
             raise InputError(f"the pose by {name} {problem}")
         if problem:
             missing.append(name)
-    return Estimates(tuple(poses), instances, stacked[:, None]), missing
+    reason = f"no estimate by {', '.join(missing)}" if missing else _same_array(poses)
+    return Estimates(tuple(poses), instances, stacked[:, None]), reason
+
+
+def _same_array(poses: Mapping[str, Any]) -> str:
+    names: dict[int, str] = {}
+    for name, pose in poses.items():
+        if (first := names.setdefault(id(pose), name)) != name:
+            return f"{first} and {name} are given one and the same array, which always agrees"
+    return ""
 
 
 def _as_matrix(name: str, pose: Any) -> Float[ndarray, "4 4"]:
