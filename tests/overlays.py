@@ -26,7 +26,14 @@ def write_estimates(tmp_path: Path) -> Path:
 
 
 def verdict_row(
-    scene_id: int, im_id: int, obj_id: int, est_id: int = 0, *, probability: float
+    scene_id: int,
+    im_id: int,
+    obj_id: int,
+    est_id: int = 0,
+    *,
+    probability: float,
+    cam_T_obj: np.ndarray | None = None,
 ) -> VerdictRow:
+    pose = np.eye(4) if cam_T_obj is None else cam_T_obj
     key = InstanceKey("made", scene_id, im_id, obj_id, est_id)
-    return VerdictRow(key, "a", "parallel", decide(probability, 0.5), np.eye(4))
+    return VerdictRow(key, "a", "parallel", decide(probability, 0.5), pose)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from bop_images import IMAGES
 from commands import refused
+from graspcast.bop.results import read_results
 from graspcast.cli import main
 from graspcast.forecasting.verdict import write_verdicts
 from graspcast.rendering.drawing import GOOD
@@ -28,10 +28,11 @@ def command(world: Path, *more: str, names: str = "a") -> list[str]:
 
 
 def test_the_verb_writes_a_sheet(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = read_results(world / "a_made-test.csv")
+    keys = zip(table.scene_id.tolist(), table.im_id.tolist(), table.obj_id.tolist(), strict=True)
     rows = [
-        verdict_row(scene, image, obj_id, probability=0.7)
-        for scene, image in IMAGES
-        for obj_id in (1, 5)
+        verdict_row(*key, probability=0.7, cam_T_obj=pose)
+        for key, pose in zip(keys, table.cam_T_obj, strict=True)
     ]
     write_verdicts(world / "v.csv", rows)
     more = ["--image", "1/3", "--image", "2/3", "--size", "80", "--verdicts", str(world / "v.csv")]

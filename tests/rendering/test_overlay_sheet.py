@@ -60,7 +60,10 @@ def test_several_of_an_object_and_verdicts_on_each(world: Path) -> None:
     # The second row of the file has the higher score, so it is instance 0.
     table = replace(table, cam_T_obj=shifted, score=np.array([0.2, 0.9]))
     one = replace(table.select(np.array([1])), score=np.array([0.7]))
-    verdicts = [verdict_row(1, 3, 1, 1, probability=0.2), verdict_row(1, 3, 1, 0, probability=0.9)]
+    verdicts = [
+        verdict_row(1, 3, 1, 1, probability=0.2, cam_T_obj=table.cam_T_obj[0]),
+        verdict_row(1, 3, 1, 0, probability=0.9, cam_T_obj=table.cam_T_obj[1]),
+    ]
     fields = overlays(dataset, {"a": table, "b": one}, [(1, 3)], verdicts=verdicts, size=64)
     assert [field.pixels is None for field in fields] == [False, False, False, True]
     told = [[row.verdict.attempt for row in field.verdicts] for field in fields]
@@ -77,6 +80,9 @@ def test_several_of_an_object_and_verdicts_on_each(world: Path) -> None:
     missing = "no verdict on made-1 in image 1/3, est_id 1 by a"
     with pytest.raises(InputError, match=missing):
         overlays(dataset, {"a": table}, [(1, 3)], verdicts=verdicts[1:], size=64)
+    stale = replace(table, score=table.score[::-1].copy())
+    with pytest.raises(MismatchError, match="was on another pose than the one in"):
+        overlays(dataset, {"a": stale}, [(1, 3)], verdicts=verdicts, size=64)
     # The principal's estimates have the verdicts, wherever it stands.
     fields = overlays(dataset, {"b": one, "a": table}, [(1, 3)], verdicts=verdicts, size=64)
     assert [[row.key.est_id for row in field.verdicts] for field in fields] == [[], [0]]

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["Overlay", "overlay_sheet", "overlays"]
 
 _COLUMNS = 4
+_SAME_POSE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +215,8 @@ class _Drawing:
             size=self.size,
         )
         est_id = int(self.est_ids[estimator][row])
-        verdicts = self._verdicts(estimator, InstanceKey(self.dataset.name, *image, obj_id, est_id))
+        key = InstanceKey(self.dataset.name, *image, obj_id, est_id)
+        verdicts = self._verdicts(estimator, key, cam_T_est)
         return Overlay(name, *image, estimator, pixels, rotation_deg, translation_mm, verdicts)
 
     def _off(
@@ -224,7 +226,9 @@ class _Drawing:
         rotation = rotation_error(*pair, self.dataset.models[obj_id].symmetries)
         return float(np.degrees(rotation[0])), float(1000 * translation_error(*pair)[0])
 
-    def _verdicts(self, estimator: str, key: InstanceKey) -> tuple[VerdictRow, ...]:
+    def _verdicts(
+        self, estimator: str, key: InstanceKey, cam_T_est: Float[ndarray, "4 4"]
+    ) -> tuple[VerdictRow, ...]:
         if self.verdicts is None or estimator not in self.principals:
             return ()
         rows = self.verdicts.get((estimator, key))
@@ -232,6 +236,12 @@ class _Drawing:
             raise InputError(
                 f"no verdict on {key} by {estimator}: are the verdicts on these estimates?",
                 parameters=("verdicts",),
+            )
+        if any(np.abs(row.cam_T_obj - cam_T_est).max() > _SAME_POSE for row in rows):
+            raise MismatchError(
+                f"the verdict on {key} by {estimator} was on another pose than the one in "
+                f"{self.results[estimator].source}; give the estimates it is about",
+                parameters=("verdicts", "estimates"),
             )
         return tuple(rows)
 
