@@ -120,3 +120,13 @@ def test_one_file_under_two_names_is_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=r"holds the same poses as .* agreement with itself"):
             load_inputs([("a", a), ("b", second)])
     assert load_inputs([("a", a), ("b", other)]).estimators == ("a", "b")
+
+
+def test_a_note_says_that_ranks_are_those_of_the_rows_left(tmp_path: Path) -> None:
+    paths = {name: tmp_path / f"{name}_made-test.csv" for name in "ab"}
+    for seed, path in enumerate(paths.values()):
+        write_results(path, results_of(random_poses(4, seed)))
+    text = paths["a"].read_text().splitlines()
+    paths["a"].write_text("\n".join([*text, text[-1].replace(text[-1].split(",")[3], "nan", 1)]))
+    (note,) = load_inputs(paths, lenient=True).notes
+    assert note.endswith("dropped 1 rows (bad row); est_id ranks the rows that are left")

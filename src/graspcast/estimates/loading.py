@@ -183,7 +183,9 @@ def load_inputs(
         if name in tables:
             raise InputError(f"{path}: there are already estimates of {dataset_name} by {name}")
         table = read_results(path, lenient=lenient)
-        out.notes.extend(f"{path}: dropped {n} rows ({why})" for why, n in table.dropped.items())
+        for why, n in table.dropped.items():
+            ranks = "; est_id ranks the rows that are left" if why == "bad row" else ""
+            out.notes.append(f"{path}: dropped {n} rows ({why}){ranks}")
         if scenes:
             table = _of_scenes(table, scenes)
         tables[name] = _wanted(table, dataset_name, datasets, objects, lenient, out.notes)
