@@ -16,7 +16,7 @@ from graspcast.estimates.instances import scene_groups
 def test_the_only_scene_is_cut_into_contiguous_blocks(n: int, blocks: int, random: Random) -> None:
     estimates = synthetic.estimates(n, scenes=1)
     shuffled = estimates.select(np.random.default_rng(random.getrandbits(32)).permutation(n))
-    groups = scene_groups(shuffled, blocks=blocks)
+    groups = scene_groups(shuffled.instances, blocks=blocks)
     names, sizes = np.unique(groups, return_counts=True)
     assert names.tolist() == [f"d/0#{b}" for b in range(blocks)]
     assert sizes.max() - sizes.min() <= 1
@@ -27,7 +27,9 @@ def test_the_only_scene_is_cut_into_contiguous_blocks(n: int, blocks: int, rando
 def test_an_image_stays_in_one_block_and_other_datasets_are_not_cut() -> None:
     one = synthetic.estimates(40, scenes=1)
     one = synthetic.with_keys(one, im_id=one.im_id // 4)
-    groups = scene_groups(one)
+    groups = scene_groups(one.instances)
     for image in np.unique(one.im_id):
         assert len(set(groups[one.im_id == image])) == 1
-    assert set(scene_groups(synthetic.estimates(40, scenes=4))) == {f"d/{s}" for s in range(4)}
+    assert set(scene_groups(synthetic.estimates(40, scenes=4).instances)) == {
+        f"d/{s}" for s in range(4)
+    }

@@ -74,6 +74,7 @@ def test_what_is_out_of_distribution_is_not_attempted(
     assert (none.overall.attempts, none.overall.threshold) == (0, None)
 
 
+@pytest.mark.ill_typed
 def test_the_sequence_is_learned_from_out_of_fold_predictions(
     forecaster: Forecaster, calibration: TrainingData
 ) -> None:

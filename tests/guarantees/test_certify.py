@@ -245,8 +245,15 @@ def test_the_needed_units_suffice() -> None:
 
 def test_units_have_names() -> None:
     given_ = estimates(6, scenes=3)
-    assert unit_names(given_, "scene").tolist() == ["d/0", "d/0", "d/1", "d/1", "d/2", "d/2"]
-    assert unit_names(given_, "image").tolist()[-1] == "d/2/5"
+    assert unit_names(given_.instances, "scene").tolist() == [
+        "d/0",
+        "d/0",
+        "d/1",
+        "d/1",
+        "d/2",
+        "d/2",
+    ]
+    assert unit_names(given_.instances, "image").tolist()[-1] == "d/2/5"
 
 
 @pytest.mark.parametrize(

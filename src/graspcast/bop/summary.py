@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy import ndarray
@@ -11,6 +11,7 @@ from numpy import ndarray
 __all__ = ["counted", "summary"]
 
 
+@runtime_checkable
 class _Table(Protocol):
     @property
     def scene_id(self) -> ndarray: ...

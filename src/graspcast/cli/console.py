@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 __all__ = ["note", "print_table", "print_text", "progress_bar"]
 
@@ -42,6 +42,7 @@ def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]
     console.print(title, table, sep="\n")
 
 
+@runtime_checkable
 class Move(Protocol):
     """A function that updates a progress bar."""
 

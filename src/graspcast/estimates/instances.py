@@ -142,7 +142,7 @@ class Instances:
     @property
     def objects(self) -> ndarray:
         """The name of each instance's object, ``dataset-obj_id``, (n,)."""
-        pairs = zip(self.dataset, self.obj_id, strict=True)
+        pairs = zip(self.dataset.tolist(), self.obj_id.tolist(), strict=True)
         return np.array([object_name(d, o) for d, o in pairs], dtype=str)
 
     def to_keys(self) -> list[InstanceKey]:

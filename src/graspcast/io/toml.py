@@ -130,7 +130,7 @@ class TomlTable:
             raise self.error(key, f"should be {count} finite numbers, not {values}")
         return found
 
-    def _float(self, key: str, value: float) -> float:
+    def _float(self, key: str, value: int | float) -> float:
         try:
             return float(value)
         except OverflowError as error:

@@ -38,8 +38,7 @@ def is_placeholder(cam_T_obj: Float[ndarray, "*n 4 4"]) -> Bool[ndarray, "*n"]:
 
     Estimators write the identity, or some rotation with zero translation, where they found nothing.
     """
-    out: ndarray = (np.abs(cam_T_obj[..., :3, 3]) < 1e-9).all(axis=-1)
-    return out
+    return np.asarray((np.abs(cam_T_obj[..., :3, 3]) < 1e-9).all(axis=-1))
 
 
 def pose_problems(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from numpy.typing import ArrayLike
 
 from graspcast.errors import InputError
 
@@ -136,7 +136,7 @@ class Grasp:
         check_rigid(self.obj_T_grasp, f"the grasp of {self.object!r} by {self.gripper!r}")
 
 
-def box_corners(half: ArrayLike) -> Float[ndarray, "*batch 8 3"]:
+def box_corners(half: Sequence[float] | ndarray) -> Float[ndarray, "*batch 8 3"]:
     """Return the corners of boxes about the origin, from their half sizes (..., 3)."""
     signs = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), axis=-1).reshape(-1, 3)
     corners: ndarray = signs * np.asarray(half)[..., None, :]

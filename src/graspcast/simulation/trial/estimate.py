@@ -18,7 +18,7 @@ from graspcast.pose.transforms import compose, invert, rotation_from_vector, tra
 __all__ = ["estimate_in_image", "estimate_with_error"]
 
 
-def estimate_with_error(offset: Sequence[float]) -> Float[ndarray, "4 4"]:
+def estimate_with_error(offset: Sequence[float | int]) -> Float[ndarray, "4 4"]:
     """Return ``obj_T_est`` of an estimate with a given error.
 
     Parameters
