@@ -26,6 +26,7 @@ from graspcast.forecasting.models.mlp.types import (
     Trained,
     ValidationSet,
 )
+from mlp_reference import numeric_gradient, parameters64
 
 SHORT = MlpSettings(epochs=12)
 
@@ -43,43 +44,6 @@ def problem(seed: int, n: int = 90, d: int = 12) -> Problem:
     return Problem(
         x[:n], y[:n], (ValidationSet(x[n:], y[n:], groups), ValidationSet(x[-9:], y[-9:])), seed
     )
-
-
-# --- An implementation for comparison: float64, one sample after the other, numeric gradient ------
-
-
-def loss64(parameters: list[np.ndarray], x: np.ndarray, y: np.ndarray) -> float:
-    """The mean binary cross-entropy; parameters are weight, bias, weight, bias, …"""
-    h = x.astype(float)
-    for k in range(0, len(parameters), 2):
-        h = h @ parameters[k].T + parameters[k + 1]
-        h = np.maximum(h, 0) if k < len(parameters) - 2 else h
-    p = 1 / (1 + np.exp(-h[:, 0]))
-    return float(-np.mean(np.where(y, np.log(p), np.log1p(-p))))
-
-
-def parameters64(mlp: Mlp) -> list[np.ndarray]:
-    pairs = zip(mlp.weights, mlp.biases, strict=True)
-    return [array.astype(float) for pair in pairs for array in pair]
-
-
-def numeric_gradient(
-    parameters: list[np.ndarray], x: np.ndarray, y: np.ndarray
-) -> list[np.ndarray]:
-    gradient = [np.zeros_like(array) for array in parameters]
-    for array, slope in zip(parameters, gradient, strict=True):
-        for place in np.ndindex(array.shape):
-            value = array[place]
-            array[place] = value + 1e-6
-            above = loss64(parameters, x, y)
-            array[place] = value - 1e-6
-            slope[place] = (above - loss64(parameters, x, y)) / 2e-6
-            array[place] = value
-    return gradient
-
-
-def as_mlp(parameters: list[np.ndarray]) -> Mlp:
-    return Mlp(tuple(parameters[::2]), tuple(parameters[1::2]))
 
 
 # --- Gradient and optimiser -----------------------------------------------------------------------
