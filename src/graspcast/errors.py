@@ -12,6 +12,8 @@
     ├── CampaignStoppedError  a campaign stopped early; its outcomes are kept, and it can be resumed
     └── WorkerLostError       a worker process that computed trials has died
 
+``TrainingDataWarning``, a UserWarning, is no error: training went well, but on few data.
+
 The command line prints each of them as one message, and exits with code 2. A message names what is
 wrong and what is available; ``parameters`` holds the names of the Python parameters to change, and
 the command line adds its options of the same names.
@@ -32,6 +34,7 @@ __all__ = [
     "GraspcastError",
     "InputError",
     "MismatchError",
+    "TrainingDataWarning",
     "UnknownNameError",
     "WorkerLostError",
 ]
@@ -179,3 +182,7 @@ class ExtraMissingError(GraspcastError):
             f"this needs {package}, which is not installed: pip install 'graspcast[{extra}]'",
             parameters=parameters,
         )
+
+
+class TrainingDataWarning(UserWarning):
+    """A forecaster was trained on data too few for some of its uses; the text says which."""

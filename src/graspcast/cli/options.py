@@ -180,7 +180,7 @@ def scene_and_image(text: str) -> tuple[int, int]:
 
 def add_ood_alpha(verb: argparse.ArgumentParser, what: str) -> None:
     """``--ood-alpha P``; a certificate is valid only for verdicts with the same."""
-    # graspcast.forecasting.verdict.STRANGE, to name which would load NumPy for every --help.
+    # graspcast.forecasting.novelty.OOD_ALPHA, to name which would load NumPy for every --help.
     verb.add_argument("--ood-alpha", metavar="P", type=share, default=0.01, help=what)
 
 

@@ -57,7 +57,7 @@ def add(verbs: Verbs) -> None:
     add_ood_alpha(
         verb,
         "abstain where the conformal p-value of a disagreement is this or less, so where it is "
-        "out of distribution; 0 accepts every disagreement (default: 0.01)",
+        "out of distribution; 0 accepts every p-value (default: 0.01)",
     )
     verb.add_argument(
         "--explain",
@@ -86,9 +86,9 @@ def _predict(options: argparse.Namespace) -> None:
         explain=options.explain,
     )
     write_verdicts(options.out, rows)
-    note(*inputs.notes)
+    note(*inputs.notes, *(f"Warning: {text}." for model in models for text in model.card.warnings))
     attempts = sum(row.verdict.attempt for row in rows)
-    unusual = sum(row.verdict.out_of_distribution for row in rows)
+    unusual = sum(row.verdict.out_of_distribution is True for row in rows)
     print_text(
         f"{options.out}: {len(rows)} verdicts, {attempts} to attempt"
         + (f", {unusual} out of distribution" if unusual else "")

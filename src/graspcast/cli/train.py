@@ -168,6 +168,7 @@ def _train(options: argparse.Namespace) -> None:
         header = [options.method, *(name.replace("_", " ") for name in scores)]
         print_table(f"{options.method}, cross-validated scores", header, rows)
     forecaster.save(options.out)
+    note(*(f"Warning: {text}." for text in card.warnings))
     write_json(options.json, {"card": card.as_dict()})
     simulated = f" ({len(card.simulated)} by simulation alone)" if card.simulated else ""
     print_text(

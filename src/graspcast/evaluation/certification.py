@@ -15,8 +15,8 @@ from graspcast.estimates.instances import UnitKind, unit_names
 from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.model_card import ModelCard
+from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.training_data import TrainingData
-from graspcast.forecasting.verdict import OOD_ALPHA
 from graspcast.guarantees.certificate import Certificate
 from graspcast.guarantees.certify import certify
 from graspcast.guarantees.threshold_sequence import (
@@ -63,7 +63,7 @@ def certify_forecaster(
     models
         Dataset's name to its object models, if the forecaster needs them.
     ood_alpha
-        Verdicts abstain where the conformal p-value of a disagreement is this or less, so these
+        Verdicts abstain where a disagreement is out of distribution at this level, so these
         instances are not attempts.
     per_object
         Certify each object too.
@@ -93,7 +93,10 @@ def certify_forecaster(
     success = data.own_success == 1
     training_scenes = _training_scenes(card, data, allow_training_scenes)
     probability = forecaster.probability(data.estimates, models)
-    probability[forecaster.p_value(data.estimates) <= ood_alpha] = 0.0
+    novel = [
+        given.is_novel(ood_alpha) is True for given in forecaster.disagreements(data.estimates)
+    ]
+    probability[np.array(novel, dtype=bool)] = 0.0
     units = unit_names(data.estimates.instances, unit)
     target: dict[str, Any] = {"rate": rate, "confidence": confidence, "weight": weight}
     sequence, kept = _sequence(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from graspcast.errors import TrainingDataWarning
 from graspcast.estimates.instances import scene_groups
 from graspcast.evaluation.scores import Scores, score
 from graspcast.forecasting.splits import by_group, by_object
@@ -64,7 +66,10 @@ def cross_validated(
     for i, (_, test) in enumerate(parts):
         train = training_data.select(~np.isin(groups, own[test]))
         step = step_of(progress, i, len(parts), f"fold {i + 1} of {len(parts)}")
-        forecaster = train_forecaster(train, progress=step, **options)
+        with warnings.catch_warnings():
+            # The forecaster that is kept is trained on more, and gives its own warnings.
+            warnings.simplefilter("ignore", TrainingDataWarning)
+            forecaster = train_forecaster(train, progress=step, **options)
         if by == "scene":
             test = test[np.isin(tried.objects[test], forecaster.card.objects)]
         if not len(test):

@@ -20,7 +20,8 @@ from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.forecaster import Forecaster
-from graspcast.forecasting.verdict import OOD_ALPHA, Verdict, VerdictRow, verdict_rows
+from graspcast.forecasting.novelty import OOD_ALPHA
+from graspcast.forecasting.verdict import Verdict, VerdictRow, verdict_rows
 from graspcast.guarantees.certificate import Certificate
 
 __all__ = ["Fallbacks", "certificate_of"]

@@ -29,10 +29,9 @@ from graspcast.forecasting.models.base import Predictor
 from graspcast.forecasting.models.blend import Blend
 from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble
-from graspcast.forecasting.novelty import Novelty
+from graspcast.forecasting.novelty import OOD_ALPHA, Disagreement, Novelty
 from graspcast.forecasting.pose_checks import estimate_problems, estimates_of_one
 from graspcast.forecasting.verdict import (
-    OOD_ALPHA,
     Verdict,
     VerdictRow,
     check_threshold,
@@ -52,7 +51,7 @@ KINDS: Mapping[str, Any] = {
     "MLP-O": NetworkEnsemble,
 }
 """Method's name to the class of its model."""
-_FORMAT = 3
+_FORMAT = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +123,19 @@ class Forecaster:
         self._check_estimators(estimates.estimators)
         return self.novelty.p_value(estimates, self.card.principal, self.card.supporters)
 
+    def disagreements(self, estimates: Estimates) -> list[Disagreement]:
+        """Assess how unusual the estimators' disagreement on every instance is.
+
+        Raises
+        ------
+        MismatchError
+            For other estimators than it was trained for.
+        """
+        self._check_estimators(estimates.estimators)
+        card = self.card
+        diameter_m = card.diameters_of(estimates.objects)
+        return self.novelty.assess(estimates, card.principal, card.supporters, diameter_m)
+
     def explain(
         self, estimates: Estimates, models: Mapping[str, Models] | None = None
     ) -> list[tuple[tuple[str, float], ...]]:
@@ -151,7 +163,8 @@ class Forecaster:
     ) -> list[Verdict]:
         """Decide on every instance: attempt the grasp, or abstain.
 
-        Abstain where the pose by some estimator is not sane (:mod:`graspcast.pose.sanity`).
+        Abstain where the pose by some estimator is not sane (:mod:`graspcast.pose.sanity`), and from
+        objects that are not in training.
 
         Parameters
         ----------
@@ -162,16 +175,18 @@ class Forecaster:
         guarantee
             The guarantee that the threshold was certified for.
         ood_alpha
-            Abstain where :meth:`p_value` is this or less; 0 attempts novel instances too.
+            Abstain where :meth:`p_value` is this or less; 0 accepts any p-value. A disagreement
+            larger than in training is always abstained from.
         explain
             Add attributions (see :meth:`explain`).
 
         Raises
         ------
         MismatchError
-            As :meth:`probability`.
+            For other estimators than it was trained for, or if it was trained for none of the
+            objects.
         """
-        problems = estimate_problems(estimates.only(*self.card.estimators), models)
+        problems = self._problems(estimates, models)
         options: dict[str, Any] = {"threshold": threshold, "guarantee": guarantee}
         options |= {"ood_alpha": ood_alpha, "explain": explain}
         if not any(problems):
@@ -180,6 +195,18 @@ class Forecaster:
         decided = self._decide(estimates.select(sane), models, **options) if sane.any() else []
         found = iter(decided)
         return [Verdict(False, None, why) if why else next(found) for why in problems]
+
+    def _problems(self, estimates: Estimates, models: Mapping[str, Models] | None) -> list[str]:
+        """Say for each instance why there is no forecast, or nothing."""
+        self._check_estimators(estimates.estimators)
+        known = set(self.card.objects)
+        if not known.intersection(estimates.objects.tolist()):
+            self._object_numbers(estimates.objects)
+        problems = estimate_problems(estimates.only(*self.card.estimators), models)
+        return [
+            why if name in known else f"the model was not trained for {name}"
+            for name, why in zip(estimates.objects.tolist(), problems, strict=True)
+        ]
 
     def _decide(
         self,
@@ -201,13 +228,13 @@ class Forecaster:
                 p,
                 threshold,
                 guarantee=guarantee,
-                p_value=usual,
+                disagreement=given,
                 ood_alpha=ood_alpha,
                 attribution=why,
             )
-            for p, usual, why in zip(
+            for p, given, why in zip(
                 self.predictor.probability(found.values, numbers).tolist(),
-                self.p_value(estimates).tolist(),
+                self.disagreements(estimates),
                 attribution,
                 strict=True,
             )

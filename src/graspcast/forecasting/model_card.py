@@ -6,6 +6,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.estimates.alignment import Estimates
@@ -44,6 +46,13 @@ class ModelCard:
         Of graspcast, Python and NumPy.
     scores
         Cross-validated scores by protocol.
+    smallest_p_value
+        The smallest novelty p-value that it can give; above 0.01 no p-value is out of distribution
+        at the default level.
+    diameters_m
+        Diameter of each object whose model is known, metres.
+    warnings
+        What limits the use of this forecaster, as text: few outcomes, a single scene.
     """
 
     principal: str
@@ -60,6 +69,9 @@ class ModelCard:
     scores: dict[str, dict[str, Any]] = field(default_factory=dict)
     simulated: tuple[str, ...] = ()
     scenes: tuple[str, ...] = ()
+    smallest_p_value: float = 1.0
+    diameters_m: dict[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
     @property
     def estimators(self) -> tuple[str, ...]:
@@ -70,6 +82,11 @@ class ModelCard:
         """Return the needed estimators that are not given."""
         return [name for name in self.estimators if name not in given]
 
+    def diameters_of(self, objects: ndarray) -> Float[ndarray, " n"]:
+        """Return the diameters of named objects, metres, NaN where unknown, (n,)."""
+        known = [self.diameters_m.get(name, np.nan) for name in objects.tolist()]
+        return np.array(known, dtype=np.float64)
+
     @property
     def digest(self) -> str:
         """SHA-256 of all but the scores, by which certificates identify the model."""
@@ -79,7 +96,7 @@ class ModelCard:
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> ModelCard:
         """Restore what :meth:`as_dict` returned, also from JSON."""
-        lists = ("supporters", "objects", "simulated", "scenes")
+        lists = ("supporters", "objects", "simulated", "scenes", "warnings")
         return cls(**{**content, **{k: tuple(content[k]) for k in lists}})
 
     def as_dict(self) -> dict[str, Any]:

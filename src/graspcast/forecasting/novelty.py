@@ -1,10 +1,17 @@
 """Novelty detection: whether the estimators' disagreement is out of distribution.
 
-The score of an instance is the Mahalanobis distance of its disagreement from those in training. The
-disagreement holds each supporter's pose in the principal's ray frame (independent of the object);
-large differences enter by their logarithm. The p-value is the share of out-of-fold training scores
-that are at least as large (inductive conformal anomaly detection). For an instance of a scene like
-those in training, P(p-value <= a) <= a, whatever the distribution of the scores.
+Two checks. The first is a rank: the score of an instance is the Mahalanobis distance of its
+disagreement from those in training. The disagreement holds each supporter's pose in the principal's
+ray frame (independent of the object); large differences enter by their logarithm. The p-value is
+the share of out-of-fold training scores that are at least as large (inductive conformal anomaly
+detection). For an instance of a scene like those in training, P(p-value <= a) <= a, whatever the
+distribution of the scores. Of n training instances the smallest p-value is 1 / (n + 1), so a level
+of 0.01 cannot be reached with fewer than 99.
+
+The second is a limit: a disagreement larger than any in training. It holds for any number of
+training instances. A maximum of few instances is exceeded often, so with n < 2 / a it is raised by
+2 / (a n), as for a distribution whose tail falls like 1 / x. No limit is above one diameter of the
+object: two poses that far apart do not even overlap.
 
 References
 ----------
@@ -26,7 +33,48 @@ from graspcast.estimates.instances import scene_groups
 from graspcast.forecasting.splits import fold_numbers
 from graspcast.pose.ray_frame import compressed, relative
 
-__all__ = ["Novelty"]
+__all__ = ["OOD_ALPHA", "Disagreement", "Novelty"]
+
+OOD_ALPHA = 0.01
+"""A disagreement with this p-value or a smaller one is out of distribution: abstain."""
+
+_QUANTITIES = (
+    "{:.3g} of its distance across the viewing ray from",
+    "{:.3g} of its distance along the viewing ray from",
+    "{:.3g} object diameters from",
+    "turned by {:.0f} degrees from",
+)
+"""What has a limit, in words: the columns of :func:`_sizes`."""
+_LARGEST_SHIFT = 1.0
+"""Diameters between two poses that contradict each other, whatever was seen in training."""
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """How unusual the disagreement on an instance is.
+
+    Attributes
+    ----------
+    p_value
+        Conformal p-value under the training data; small means novel.
+    smallest
+        The smallest p-value that the training data can give.
+    excess
+        What is larger than its limit, in words; empty if nothing is.
+    """
+
+    p_value: float
+    smallest: float
+    excess: str = ""
+
+    def is_novel(self, alpha: float) -> bool | None:
+        """Return whether it is out of distribution at a level; None where that cannot be told.
+
+        A disagreement above a limit is novel at every level, also at 0, which accepts any p-value.
+        """
+        if self.excess or self.p_value <= alpha:
+            return True
+        return None if 0 < alpha < self.smallest else False
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,15 +89,39 @@ class Novelty:
         Inverse covariance (Ledoit-Wolf), (6 (K - 1), 6 (K - 1)).
     scores
         Out-of-fold scores of the training instances, ascending, (m,).
+    limits
+        Largest disagreement of each supporter with the principal that is not novel: origins across
+        and along the principal's viewing ray, over the distance; origins over the object's
+        diameter; rotation, radians; (K - 1, 4).
     """
 
     centre: Float[ndarray, " d"]
     precision: Float[ndarray, "d d"]
     scores: Float[ndarray, " m"]
+    limits: Float[ndarray, "s 4"]
 
     @classmethod
-    def fit(cls, estimates: Estimates, principal: str, *, folds: int = 4) -> Novelty:
-        """Fit to the training instances; their scenes are assigned to ``folds`` in turn."""
+    def fit(
+        cls,
+        estimates: Estimates,
+        principal: str,
+        diameter_m: Float[ndarray, " n"] | None = None,
+        *,
+        folds: int = 4,
+    ) -> Novelty:
+        """Fit to the training instances.
+
+        Parameters
+        ----------
+        estimates
+            Poses of n instances.
+        principal
+            The estimator with which the others are compared.
+        diameter_m
+            The objects' diameters, metres, NaN where unknown, (n,).
+        folds
+            Folds of scenes for out-of-fold scores; scenes are assigned to them in turn.
+        """
         rows = disagreement(estimates, principal, estimates.supporters(principal))
         fold_of = fold_numbers(scene_groups(estimates.instances), folds)
         scores = np.empty(len(rows))
@@ -57,7 +129,50 @@ class Novelty:
             test = fold_of == fold
             train = test if test.all() else ~test
             scores[test] = _distance(rows[test], *_shape(rows[train]))
-        return cls(*_shape(rows), np.sort(scores))
+        sizes = _sizes(estimates, principal, estimates.supporters(principal), diameter_m)
+        limits = np.fmax.reduce(sizes, axis=0) * max(1.0, 2 / (OOD_ALPHA * len(rows)))
+        limits[:, 2] = np.fmin(limits[:, 2], _LARGEST_SHIFT)
+        return cls(*_shape(rows), np.sort(scores), limits)
+
+    @property
+    def smallest_p_value(self) -> float:
+        """The smallest p-value that :meth:`p_value` can return."""
+        return 1 / (len(self.scores) + 1)
+
+    def assess(
+        self,
+        estimates: Estimates,
+        principal: str,
+        supporters: Sequence[str],
+        diameter_m: Float[ndarray, " n"] | None = None,
+    ) -> list[Disagreement]:
+        """Assess how unusual the disagreement on each instance is.
+
+        Parameters
+        ----------
+        estimates
+            Poses of n instances.
+        principal, supporters
+            As in training.
+        diameter_m
+            The objects' diameters, metres, NaN where unknown, (n,).
+        """
+        smallest = self.smallest_p_value
+        values = self.p_value(estimates, principal, supporters).tolist()
+        sizes = _sizes(estimates, principal, supporters, diameter_m)
+        out = [Disagreement(value, smallest) for value in values]
+        above = sizes > self.limits
+        for i in np.flatnonzero(above.any(axis=(1, 2))).tolist():
+            # The first in this order: shift over diameter is the plainest to read.
+            s, k = min(np.argwhere(above[i]).tolist(), key=lambda at: (2, 3, 1, 0).index(at[1]))
+            value, limit = (
+                np.degrees(x) if k == 3 else x for x in (sizes[i, s, k], self.limits[s, k])
+            )
+            said = (
+                f"{supporters[s]} is {_QUANTITIES[k].format(value)} {principal}, limit {limit:.3g}"
+            )
+            out[i] = Disagreement(values[i], smallest, said)
+        return out
 
     def p_value(
         self, estimates: Estimates, principal: str, supporters: Sequence[str]
@@ -75,7 +190,31 @@ class Novelty:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Novelty:
         """Restore what :meth:`to_arrays` returned."""
-        return cls(*(arrays[f.name] for f in fields(cls)))
+        out = cls(*(arrays[f.name] for f in fields(cls)))
+        d = len(out.centre)
+        if out.precision.shape != (d, d) or out.limits.shape != (d // 6, 4) or d % 6:
+            raise ValueError("the arrays of the novelty detector have different lengths")
+        return out
+
+
+def _sizes(
+    estimates: Estimates,
+    principal: str,
+    supporters: Sequence[str],
+    diameter_m: Float[ndarray, " n"] | None,
+) -> Float[ndarray, "n s 4"]:
+    """Return the magnitudes of each supporter's disagreement that :attr:`Novelty.limits` bounds."""
+    pose = estimates.of(principal)
+    distance = np.linalg.norm(pose[:, :3, 3], axis=1)
+    size = np.full(len(pose), np.nan) if diameter_m is None else diameter_m
+    out = np.empty((len(pose), len(supporters), 4))
+    for s, name in enumerate(supporters):
+        by = relative(pose, estimates.of(name))
+        out[:, s, 0] = np.linalg.norm(by[:, :2], axis=1)
+        out[:, s, 1] = np.abs(by[:, 2])
+        out[:, s, 2] = np.linalg.norm(by[:, :3], axis=1) * distance / size
+        out[:, s, 3] = np.linalg.norm(by[:, 3:], axis=1)
+    return out
 
 
 def disagreement(

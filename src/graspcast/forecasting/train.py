@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -9,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from graspcast.bop.models import Models
-from graspcast.errors import InputError, UnknownNameError
-from graspcast.estimates.instances import unit_names
+from graspcast.errors import InputError, TrainingDataWarning, UnknownNameError
+from graspcast.estimates.instances import scene_groups, split_object_name, unit_names
 from graspcast.forecasting.features import FeatureSet, features_of
 from graspcast.forecasting.forecaster import KINDS, Forecaster
 from graspcast.forecasting.model_card import ModelCard, digest_of
@@ -18,13 +19,15 @@ from graspcast.forecasting.models.add_threshold import Thresholds
 from graspcast.forecasting.models.base import Predictor
 from graspcast.forecasting.models.blend import Blend, ForestSettings
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble, NetworkSettings
-from graspcast.forecasting.novelty import Novelty
+from graspcast.forecasting.novelty import OOD_ALPHA, Novelty
 from graspcast.forecasting.training_data import TrainingData
 from graspcast.io.progress import Progress
 from graspcast.io.provenance import versions
 
 __all__ = ["train_forecaster"]
 
+_FEW = 50
+"""Outcomes below which a warning is given."""
 _DIRECT_WEIGHT = {"blend": None, "two-stage": 0.0, "direct": 1.0}
 """Methods made of forests, and the weight of the direct forest if not that of the settings."""
 
@@ -68,6 +71,11 @@ def train_forecaster(
     InputError
         For fewer than ten tried instances, or only successes or only failures, unless there are
         simulated trials; for a method or simulated trials that need ground truth without any.
+
+    Warns
+    -----
+    TrainingDataWarning
+        For few instances, or a single scene; the model card keeps the text.
     """
     if method not in KINDS:
         raise UnknownNameError("method", method, KINDS, parameters=("method",))
@@ -84,7 +92,7 @@ def train_forecaster(
     else:
         pools, scales = method == "MLP-O", features == "rich"
         used = replace(settings or NetworkSettings(), pools_objects=pools, standardise=scales)
-    card = _card(scope, method, feature_set, used)
+    card = _card(scope, method, feature_set, used, models or {})
     values = features_of(data.estimates, card.principal, card.features, models).values
     predictor: Predictor
     if method in _DIRECT_WEIGHT:
@@ -95,11 +103,52 @@ def train_forecaster(
             predictor = Thresholds.fit(values, success, numbers)
         else:
             predictor = NetworkEnsemble.fit(values, success, numbers, used, progress=progress)
-    novelty = Novelty.fit(data.estimates, card.principal)
+    novelty = Novelty.fit(data.estimates, card.principal, card.diameters_of(data.objects))
+    limits = _limitations(data, novelty, predictor)
+    for text in limits:
+        warnings.warn(text, TrainingDataWarning, stacklevel=2)
+    card = replace(card, smallest_p_value=novelty.smallest_p_value, warnings=limits)
     return Forecaster(card, predictor, novelty, np.median(values, axis=0))
 
 
-def _card(scope: _Scope, method: str, features: str, settings: Any) -> ModelCard:
+def _limitations(data: TrainingData, novelty: Novelty, predictor: Predictor) -> tuple[str, ...]:
+    """Say what the training data are too few for."""
+    out = []
+    outcomes, count = int(data.is_tried.sum()), len(data)
+    scenes = len(np.unique(scene_groups(data.estimates.instances)))
+    if 0 < outcomes < _FEW:
+        out.append(
+            f"trained on {outcomes} outcomes: probabilities are rough guesses; give {_FEW} or more"
+        )
+    if scenes == 1:
+        out.append("trained on one scene: nothing is known about forecasts in other scenes")
+    elif isinstance(predictor, Blend) and outcomes and predictor.out_of_fold is None:
+        out.append(
+            "probabilities are not calibrated: that takes outcomes in two scenes or more, with "
+            "successes and failures in each part"
+        )
+    if novelty.smallest_p_value > OOD_ALPHA:
+        out.append(
+            f"{count} instances give a smallest novelty p-value of {novelty.smallest_p_value:.3f}, "
+            f"and the default level is {OOD_ALPHA:g}: only a disagreement larger than in training "
+            f"is found out of distribution; train on {round(1 / OOD_ALPHA) - 1} or more"
+        )
+    return tuple(out)
+
+
+def _diameters(objects: tuple[str, ...], models: Mapping[str, Models]) -> dict[str, float]:
+    """Return the diameters of the objects whose models are known, metres."""
+    out = {}
+    for name in objects:
+        dataset, number = split_object_name(name)
+        if dataset in models and number in models[dataset].info:
+            out[name] = models[dataset].info[number].diameter_m
+    return out
+
+
+def _card(
+    scope: _Scope, method: str, features: str, settings: Any, models: Mapping[str, Models]
+) -> ModelCard:
     data = scope.data
     own = data.own_success[data.is_tried]
     return ModelCard(
@@ -116,6 +165,7 @@ def _card(scope: _Scope, method: str, features: str, settings: Any) -> ModelCard
         versions=versions(),
         simulated=scope.simulated,
         scenes=tuple(sorted(set(unit_names(data.estimates.instances, "scene").tolist()))),
+        diameters_m=_diameters(scope.objects, models),
     )
 
 

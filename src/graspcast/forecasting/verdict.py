@@ -18,11 +18,11 @@ from graspcast.errors import FormatError, InputError
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import KEY_COLUMNS, InstanceKey
 from graspcast.estimates.outcomes import REFERENCE_GRASP
+from graspcast.forecasting.novelty import OOD_ALPHA, Disagreement
 from graspcast.io.files import write_text
 from graspcast.pose.transforms import transform
 
 __all__ = [
-    "OOD_ALPHA",
     "Verdict",
     "VerdictRow",
     "check_threshold",
@@ -31,9 +31,6 @@ __all__ = [
     "verdict_rows",
     "write_verdicts",
 ]
-
-OOD_ALPHA = 0.01
-"""A disagreement with this p-value or a smaller one is out of distribution: abstain."""
 
 _NUMBERS = ("scene_id", "im_id", "obj_id", "est_id")
 _NAMES = ("dataset", "principal", "gripper", "grasp")
@@ -70,7 +67,8 @@ class Verdict:
     p_value
         Conformal p-value of the disagreement under the training data; None where not asked for.
     out_of_distribution
-        Whether the disagreement is too unusual to trust the forecast.
+        Whether the disagreement is too unusual to trust the forecast; None where the training data
+        are too few to tell, and no disagreement is larger than in training.
     attribution
         Groups of features and by how much each moved the probability, the strongest first; empty
         where not asked for.
@@ -82,7 +80,7 @@ class Verdict:
     threshold: float | None = None
     guarantee: str | None = None
     p_value: float | None = None
-    out_of_distribution: bool = False
+    out_of_distribution: bool | None = False
     attribution: tuple[tuple[str, float], ...] = ()
 
     def __str__(self) -> str:
@@ -134,7 +132,7 @@ def decide(
     threshold: float | None,
     *,
     guarantee: str | None = None,
-    p_value: float | None = None,
+    disagreement: Disagreement | None = None,
     ood_alpha: float = OOD_ALPHA,
     attribution: tuple[tuple[str, float], ...] = (),
 ) -> Verdict:
@@ -148,27 +146,42 @@ def decide(
         The least that is attempted; None attempts nothing.
     guarantee
         What the threshold was certified to keep, or why nothing could be.
-    p_value
-        Conformal p-value of the disagreement; None if not asked for.
+    disagreement
+        How unusual the estimators' disagreement is; None if not asked for.
     ood_alpha
-        A p-value of this or less is out of distribution; 0 accepts every disagreement.
+        A p-value of this or less is out of distribution; 0 accepts every p-value. A disagreement
+        larger than in training is always out of distribution.
     attribution
         What moved the probability, and by how much.
     """
-    unusual = p_value is not None and p_value <= ood_alpha
+    unusual = None if disagreement is None else disagreement.is_novel(ood_alpha)
+    p_value = None if disagreement is None else disagreement.p_value
     attempt = threshold is not None and probability >= threshold and not unusual
     if threshold is None:
         reason = f"probability {probability:.3f}; no threshold could be certified"
     else:
         sign = ">=" if probability >= threshold else "<"
         reason = f"probability {probability:.3f} {sign} {threshold:g}"
-    if unusual:
-        reason += f"; out-of-distribution disagreement (p-value {p_value:.4f})"
+    if disagreement is not None and unusual:
+        why = disagreement.excess or f"p-value {disagreement.p_value:.4f}"
+        reason += f"; out-of-distribution disagreement ({why})"
+    elif disagreement is not None and unusual is None:
+        reason += (
+            f"; novelty not checkable at level {ood_alpha:g} (smallest p-value "
+            f"{disagreement.smallest:.3f})"
+        )
     if attribution:
         parts = ", ".join(f"{name} {by:+.2f}" for name, by in attribution[:2])
         reason += f"; attributed to {parts}"
     return Verdict(
-        attempt, probability, reason, threshold, guarantee, p_value, unusual, tuple(attribution)
+        attempt,
+        probability,
+        reason,
+        threshold,
+        guarantee,
+        p_value,
+        False if disagreement is None else unusual,
+        tuple(attribution),
     )
 
 

@@ -15,7 +15,7 @@ from graspcast.errors import InputError
 from graspcast.evaluation.scores import score
 from graspcast.forecasting.features import features_of
 from graspcast.forecasting.forecaster import Forecaster
-from graspcast.forecasting.models.blend import Blend, ForestSettings, _calibrate
+from graspcast.forecasting.models.blend import Blend, ForestSettings
 from graspcast.forecasting.train import train_forecaster
 from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
 from poses import write_models
@@ -173,31 +173,6 @@ def test_outcomes_of_instances_that_were_not_selected_do_not_matter(
 
 def logit(p: np.ndarray) -> np.ndarray:
     return np.asarray(np.log(p / (1 - p)))
-
-
-def test_calibration_undoes_a_known_distortion() -> None:
-    rng = np.random.default_rng(0)
-    true = 1 / (1 + np.exp(-rng.normal(scale=1.5, size=20_000)))
-    outcome = (rng.random(20_000) < true).astype(float)
-    outcome[::10] = np.nan
-    for slope, shift in ((2.0, 1.0), (0.5, -0.7), (1.0, 0.0)):
-        forecast = 1 / (1 + np.exp(-(slope * logit(true) + shift)))
-        forecast[1::10] = np.nan
-        found = _calibrate(forecast, outcome)
-        assert_allclose(found, [1 / slope, -shift / slope], atol=0.08)
-
-
-def test_calibration_leaves_alone_what_it_cannot_learn() -> None:
-    rng = np.random.default_rng(0)
-    forecast = rng.uniform(0.1, 0.9, 2000)
-    against = (rng.random(2000) > forecast).astype(float)
-    for given_, outcome in (
-        (forecast, against),
-        (forecast, np.ones(2000)),
-        (forecast[:19], against[:19]),
-        (np.full(2000, np.nan), against),
-    ):
-        assert_array_equal(_calibrate(given_, outcome), [1, 0])
 
 
 def test_the_calibration_of_each_part_is_applied_to_its_objects(

@@ -24,6 +24,7 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.instances import unit_names
+from graspcast.forecasting.models.calibration import expit, fit_calibration, logit
 from graspcast.forecasting.models.design_matrix import DesignMatrix
 from graspcast.forecasting.models.encoding import one_hot_numbers
 from graspcast.forecasting.models.forest import Forest, flatten
@@ -145,11 +146,13 @@ class Blend:
             return blend
         predictions = _out_of_fold(matrix, settings, folds, progress)
         own = matrix.success[matrix.principal]
-        calibration = np.stack([_calibrate(each, own) for each in predictions])
+        calibration = np.stack([fit_calibration(each, own) for each in predictions])
         rows = np.flatnonzero(~np.isnan(predictions[0]))
+        if not len(rows):
+            return blend
         slope, intercept = calibration[0]
         out_of_fold = OutOfFold(
-            _expit(slope * _logit(predictions[0, rows]) + intercept),
+            expit(slope * logit(predictions[0, rows]) + intercept),
             own[rows] == 1,
             unit_names(training_data.estimates.select(rows).instances, "image"),
         )
@@ -208,7 +211,7 @@ class Blend:
         # The two-stage model alone forecasts what it knows and the direct forest does not.
         alone = (objects >= 0) & self.known[objects] & ~self.tried[objects]
         slope, intercept = self.calibration[alone.astype(int)].T
-        return _expit(slope * _logit(mixed) + intercept)
+        return expit(slope * logit(mixed) + intercept)
 
     def to_arrays(self) -> dict[str, ndarray]:
         """Return everything learned as named arrays."""
@@ -266,7 +269,10 @@ def _out_of_fold(
     inner = replace(settings, trees=max(32, settings.trees // 2))
     predictions = np.full((2, len(fold_of)), np.nan)
     for fold in range(folds):
-        forest = _grow(matrix, fold_of != fold, inner)
+        try:
+            forest = _grow(matrix, fold_of != fold, inner)
+        except InputError:  # all outcomes are in this fold, or all others are equal
+            continue
         rows = np.flatnonzero((fold_of == fold) & matrix.is_tried)
         rows = rows[forest.tried[matrix.numbers[rows]]]
         predictions[:, rows] = forest.raw(matrix.own[rows], matrix.numbers[rows])
@@ -375,25 +381,3 @@ def _columns(names: Sequence[str]) -> Int[ndarray, " c"]:
     ]
     axes = [names.index(f"axis_{ray}{axis}") for ray in "xyz" for axis in "xyz"]
     return np.array([*inputs, *axes, names.index("distance"), len(inputs)], dtype=np.int64)
-
-
-def _logit(p: ndarray) -> ndarray:
-    bounded = np.clip(p, 1e-3, 1 - 1e-3)
-    return np.asarray(np.log(bounded / (1 - bounded)))
-
-
-def _expit(x: ndarray) -> ndarray:
-    return np.asarray(1 / (1 + np.exp(-x)))
-
-
-def _calibrate(forecast: ndarray, outcome: ndarray) -> Float[ndarray, "2"]:
-    """Fit slope and intercept on the log-odds; (1, 0) if outcomes are too few or all equal."""
-    from sklearn.linear_model import LogisticRegression
-
-    has = ~np.isnan(forecast) & ~np.isnan(outcome)
-    if has.sum() < 20 or len(np.unique(outcome[has])) < 2:
-        return np.array([1.0, 0.0])
-    model = LogisticRegression(C=1.0).fit(_logit(forecast[has])[:, None], outcome[has])
-    slope = float(model.coef_[0, 0])
-    # A negative slope would invert forecasts that carry no information about new scenes.
-    return np.array([slope, float(model.intercept_[0])]) if slope > 0 else np.array([1.0, 0.0])
