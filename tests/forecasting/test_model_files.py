@@ -105,7 +105,7 @@ def test_other_files_are_refused(whole: bytes, tmp_path: Path) -> None:
         np.savez(path, **arrays | {"card": np.array(json.dumps(changed))})
         assert "train it again" in refused(path, path.read_bytes())
     np.savez(path, **arrays | {"card": np.array(json.dumps({**content, "format": 99}))})
-    assert "is a model of format 99, not 3" in refused(path, path.read_bytes())
+    assert "is a model of format 99, not 4" in refused(path, path.read_bytes())
     np.savez(path, x=np.zeros(3))
     assert "train it again" in refused(path, path.read_bytes())
     np.save(tmp_path / "x.npy", np.zeros(3))

@@ -163,8 +163,8 @@ class Forecaster:
     ) -> list[Verdict]:
         """Decide on every instance: attempt the grasp, or abstain.
 
-        Abstain where the pose by some estimator is not sane (:mod:`graspcast.pose.sanity`), and from
-        objects that are not in training.
+        Abstain where the pose by some estimator is not sane (:mod:`graspcast.pose.sanity`), and
+        from objects that are not in training.
 
         Parameters
         ----------

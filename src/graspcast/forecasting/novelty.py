@@ -45,6 +45,7 @@ _QUANTITIES = (
     "turned by {:.0f} degrees from",
 )
 """What has a limit, in words: the columns of :func:`_sizes`."""
+_ANGLE = 3
 _LARGEST_SHIFT = 1.0
 """Diameters between two poses that contradict each other, whatever was seen in training."""
 
@@ -163,15 +164,13 @@ class Novelty:
         out = [Disagreement(value, smallest) for value in values]
         above = sizes > self.limits
         for i in np.flatnonzero(above.any(axis=(1, 2))).tolist():
-            # The first in this order: shift over diameter is the plainest to read.
+            # Diameters are the plainest to read, then angles.
             s, k = min(np.argwhere(above[i]).tolist(), key=lambda at: (2, 3, 1, 0).index(at[1]))
-            value, limit = (
-                np.degrees(x) if k == 3 else x for x in (sizes[i, s, k], self.limits[s, k])
-            )
-            said = (
-                f"{supporters[s]} is {_QUANTITIES[k].format(value)} {principal}, limit {limit:.3g}"
-            )
-            out[i] = Disagreement(values[i], smallest, said)
+            size, limit = sizes[i, s, k], self.limits[s, k]
+            if k == _ANGLE:
+                size, limit = np.degrees([size, limit])
+            said = f"{supporters[s]} is {_QUANTITIES[k].format(size)} {principal}"
+            out[i] = Disagreement(values[i], smallest, f"{said}; the limit is {limit:.3g}")
         return out
 
     def p_value(
