@@ -106,7 +106,8 @@ def test_an_object_known_by_simulated_trials_alone(
 ) -> None:
     card = Forecaster.load(trained / "simulated.npz").card
     assert (card.objects, card.simulated, card.samples) == (("made-2",), ("made-2",), 0)
-    said = refused(forests.predict(trained, tmp_path, models=("simulated.npz",)), capsys)
+    only = ("--objects", "1")
+    said = refused(forests.predict(trained, tmp_path, *only, models=("simulated.npz",)), capsys)
     assert "was not trained for made-1; it knows made-2" in said
     only = ("--objects", "2", "--ood-alpha", "0")
     assert main(forests.predict(trained, tmp_path, *only, models=("simulated.npz",))) == 0
@@ -219,7 +220,7 @@ def test_a_second_model_stands_in_where_a_supporter_is_missing(
     assert "there are no estimates by b for the model with 2" in said
 
 
-def test_strange_disagreement_is_abstained_from_unless_it_is_trusted(
+def test_disagreement_larger_than_in_training_is_always_abstained_from(
     trained: Path, tmp_path: Path
 ) -> None:
     for name, table in forests.tables().items():
@@ -234,10 +235,50 @@ def test_strange_disagreement_is_abstained_from_unless_it_is_trusted(
         more = ("--ood-alpha", share, "--threshold", "0")
         assert main(forests.predict(trained, tmp_path, *more, folder=tmp_path)) == 0
         found[share] = {int(row["im_id"]): row for row in forests.verdicts(tmp_path)}
-    assert {row["verdict"] for row in found["0"].values()} == {"attempt"}
     assert {row["verdict"] for row in found["1"].values()} == {"abstain"}
-    unusual = found["0.01"][forests.UNUSUAL]
-    assert unusual["verdict"] == "abstain"
-    assert "out-of-distribution disagreement (p-value 0.008" in unusual["reason"]
-    assert unusual["probability"] == found["0"][forests.UNUSUAL]["probability"]
-    assert sum(row["verdict"] == "abstain" for row in found["0.01"].values()) <= 4
+    for share in ("0", "0.01"):
+        unusual = found[share].pop(forests.UNUSUAL)
+        assert unusual["verdict"] == "abstain"
+        said = unusual["reason"]
+        assert "out-of-distribution disagreement (b is " in said, said
+        assert "object diameters from a; the limit is " in said, said
+        assert unusual["probability"]
+    for row in found["0"].values():
+        assert (row["verdict"] == "attempt") != ("the limit is" in row["reason"])
+    assert found["0.01"].keys() == found["0"].keys()
+    p_values = [row for row in found["0.01"].values() if "(p-value" in row["reason"]]
+    assert len(p_values) <= 4
+
+
+def test_objects_not_in_training_stop_no_verdict_on_the_others(
+    trained: Path, tmp_path: Path
+) -> None:
+    options = [*forests.train(trained, "one.npz"), "--outcomes", str(trained / "first.csv")]
+    assert main(options) == 0
+    assert main(forests.predict(trained, tmp_path, models=("one.npz",))) == 0
+    assert {row["obj_id"] for row in forests.verdicts(tmp_path)} == {"1", "2"}
+    for row in forests.verdicts(tmp_path):
+        if row["obj_id"] == "1":
+            assert row["probability"]
+        else:
+            assert not row["probability"] and row["verdict"] == "abstain"
+            assert row["reason"] == "the model was not trained for made-2"
+
+
+def test_a_model_of_few_outcomes_of_one_scene_warns_when_trained_and_when_used(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = ["--scenes", "1", "--outcomes", str(trained / "outcomes.csv"), "--folds", "0"]
+    assert main([*forests.train(trained, "few.npz"), *scene]) == 0
+    for said in (capsys.readouterr().err, predicted(trained, tmp_path, "few.npz", capsys)):
+        assert "Warning: trained on one scene: nothing is known about" in said
+        assert "smallest novelty p-value of 0.0" in said
+    for row in forests.verdicts(tmp_path):
+        if row["probability"]:
+            unknown = "novelty not checkable at level 0.01 (smallest p-value" in row["reason"]
+            assert unknown != ("the limit is" in row["reason"])
+
+
+def predicted(trained: Path, tmp_path: Path, model: str, capsys: pytest.CaptureFixture[str]) -> str:
+    assert main(forests.predict(trained, tmp_path, models=(model,))) == 0
+    return capsys.readouterr().err

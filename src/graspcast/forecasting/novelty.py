@@ -10,8 +10,9 @@ of 0.01 cannot be reached with fewer than 99.
 
 The second is a limit: a disagreement larger than any in training. It holds for any number of
 training instances. A maximum of few instances is exceeded often, so with n < 2 / a it is raised by
-2 / (a n), as for a distribution whose tail falls like 1 / x. No limit is above one diameter of the
-object: two poses that far apart do not even overlap.
+2 / (a n), as for a distribution whose tail falls like 1 / x. Two poses more than one diameter of
+the object apart do not even overlap, and are novel however many training instances are so far
+apart, unless a quarter are.
 
 References
 ----------
@@ -47,7 +48,9 @@ _QUANTITIES = (
 """What has a limit, in words: the columns of :func:`_sizes`."""
 _ANGLE = 3
 _LARGEST_SHIFT = 1.0
-"""Diameters between two poses that contradict each other, whatever was seen in training."""
+"""Diameters between two poses that contradict each other, even if training has a few of them."""
+_OFTEN = 0.75
+"""Share of training instances below the quantile that is no contradiction, however large."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +135,8 @@ class Novelty:
             scores[test] = _distance(rows[test], *_shape(rows[train]))
         sizes = _sizes(estimates, principal, estimates.supporters(principal), diameter_m)
         limits = np.fmax.reduce(sizes, axis=0) * max(1.0, 2 / (OOD_ALPHA * len(rows)))
-        limits[:, 2] = np.fmin(limits[:, 2], _LARGEST_SHIFT)
+        often = np.nan_to_num(np.quantile(sizes[:, :, 2], _OFTEN, axis=0), nan=0.0)
+        limits[:, 2] = np.fmin(limits[:, 2], np.maximum(_LARGEST_SHIFT, often))
         return cls(*_shape(rows), np.sort(scores), limits)
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, TrainingDataWarning, UnknownNameError
-from graspcast.estimates.instances import scene_groups, split_object_name, unit_names
+from graspcast.estimates.instances import split_object_name, unit_names
 from graspcast.forecasting.features import FeatureSet, features_of
 from graspcast.forecasting.forecaster import KINDS, Forecaster
 from graspcast.forecasting.model_card import ModelCard, digest_of
@@ -115,7 +115,7 @@ def _limitations(data: TrainingData, novelty: Novelty, predictor: Predictor) -> 
     """Say what the training data are too few for."""
     out = []
     outcomes, count = int(data.is_tried.sum()), len(data)
-    scenes = len(np.unique(scene_groups(data.estimates.instances)))
+    scenes = len(set(unit_names(data.estimates.instances, "scene").tolist()))
     if 0 < outcomes < _FEW:
         out.append(
             f"trained on {outcomes} outcomes: probabilities are rough guesses; give {_FEW} or more"
