@@ -21,7 +21,7 @@ from graspcast.evaluation.scores import score
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
-from graspcast.forecasting.train import train_forecaster
+from graspcast.forecasting.train import fit_forecaster
 from graspcast.forecasting.training_data import TrainingData
 from poses import write_models
 from supporters import EstimatorWorld
@@ -45,7 +45,7 @@ def test_only_unseen_scenes_are_scored(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[int] = []
 
     def spy(given_data: TrainingData, **options: Any) -> Forecaster:
-        forecaster = train_forecaster(given_data, **options)
+        forecaster = fit_forecaster(given_data, **options)
         seen = {groups[i] for i in given_data.estimates.im_id.tolist()}
 
         class Checked(Forecaster):
@@ -60,7 +60,7 @@ def test_only_unseen_scenes_are_scored(monkeypatch: pytest.MonkeyPatch) -> None:
         fields = dataclasses.fields(forecaster)
         return Checked(*(getattr(forecaster, field.name) for field in fields))
 
-    monkeypatch.setattr("graspcast.evaluation.cross_validation.train_forecaster", spy)
+    monkeypatch.setattr("graspcast.evaluation.cross_validation.fit_forecaster", spy)
     heard: list[float] = []
     found = cross_validate(
         samples, folds=3, method="MLP-O", settings=SHORT, progress=lambda x, _: heard.append(x)
@@ -91,11 +91,11 @@ def test_each_object_is_scored_by_a_forecaster_that_has_not_seen_it(
     seen: list[tuple[str, ...]] = []
 
     def spy(part: TrainingData, **options: Any) -> Forecaster:
-        forecaster = train_forecaster(part, **options)
+        forecaster = fit_forecaster(part, **options)
         seen.append(forecaster.card.objects)
         return forecaster
 
-    monkeypatch.setattr("graspcast.evaluation.cross_validation.train_forecaster", spy)
+    monkeypatch.setattr("graspcast.evaluation.cross_validation.fit_forecaster", spy)
     options: dict[str, Any] = {"method": method, "models": models, "settings": SHORT}
     found = cross_validate(given, by="object", **options)
     assert seen == [("d-2",), ("d-1",)]
@@ -106,7 +106,7 @@ def test_each_object_is_scored_by_a_forecaster_that_has_not_seen_it(
 def test_what_knows_an_object_only_by_its_own_networks_cannot_answer_for_another() -> None:
     with pytest.raises(MismatchError, match="cannot forecast an unseen object"):
         cross_validate(synthetic.tried(80), by="object", method="MLP", settings=SHORT)
-    forecaster = train_forecaster(synthetic.tried(80), method="MLP-O", settings=SHORT)
+    forecaster = fit_forecaster(synthetic.tried(80), method="MLP-O", settings=SHORT)
     other = synthetic.tried(10, objects=(7,)).estimates
     with pytest.raises(MismatchError, match="was not trained for d-7"):
         forecaster.probability(other)
@@ -138,8 +138,8 @@ def test_blocks_of_frames_are_cut_as_in_training(
 
         return SimpleNamespace(card=forecaster.card, probability=probability)
 
-    training_of = train_forecaster
-    monkeypatch.setattr("graspcast.evaluation.cross_validation.train_forecaster", spy)
+    training_of = fit_forecaster
+    monkeypatch.setattr("graspcast.evaluation.cross_validation.fit_forecaster", spy)
     given = tried.training_data("a")
     probability = cross_validated(given, folds=3, method="threshold", models=made)
     assert sorted(forecast_ids) == list(range(60))

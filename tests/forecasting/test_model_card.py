@@ -47,6 +47,10 @@ def test_the_card_says_what_it_was_made_of(models: dict[str, Models]) -> None:
         "python": platform.python_version(),
         "numpy": np.__version__,
     }
+    assert made.smallest_p_value == 1 / 61
+    diameter = models["d"].info[1].diameter_m
+    assert made.diameters_m == {"d-1": diameter, "d-2": diameter}
+    assert [text[:25] for text in made.warnings] == ["60 instances give a small"]
     threshold = card(samples, method="threshold", models=models)
     assert (threshold.features, threshold.settings) == ("add", {})
 

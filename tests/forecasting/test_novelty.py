@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import synthetic
 from graspcast.estimates.alignment import Estimates
-from graspcast.forecasting.novelty import Novelty, disagreement
+from graspcast.forecasting.novelty import Disagreement, Novelty, disagreement
+from graspcast.pose.transforms import rotation_from_vector
 
 TRAINING, HELD_OUT = 300, 400
 SUPPORTERS = ("b", "c")
@@ -90,3 +91,101 @@ def test_one_scene_is_enough_and_arrays_come_back() -> None:
     assert_array_equal(
         again.p_value(given, "a", SUPPORTERS), novelty.p_value(given, "a", SUPPORTERS)
     )
+
+
+# --- Limits: larger than in training --------------------------------------------------------------
+
+
+def diameters(given: Estimates, metres: float = 0.12) -> np.ndarray:
+    return np.full(len(given), metres)
+
+
+def displaced(given: Estimates, metres: float, supporter: int = 1) -> Estimates:
+    """The same with one supporter moved in random directions."""
+    by = np.random.default_rng(1).normal(size=(len(given), 3))
+    poses = given.cam_T_obj.copy()
+    poses[supporter, :, :3, 3] += metres * by / np.linalg.norm(by, axis=1, keepdims=True)
+    return dataclasses.replace(given, cam_T_obj=poses)
+
+
+def turned(given: Estimates, radians: float, supporter: int = 1) -> Estimates:
+    poses = given.cam_T_obj.copy()
+    turn = rotation_from_vector(np.array([0.0, 0.0, radians]))
+    poses[supporter, :, :3, :3] = poses[supporter, :, :3, :3] @ turn
+    return dataclasses.replace(given, cam_T_obj=poses)
+
+
+def near(n: int, seed: int) -> Estimates:
+    """Estimates of which all agree within millimetres."""
+    given = synthetic.estimates(2 * n, seed=seed)
+    return given.select(np.arange(2 * n) // 2 % 2 == 1)
+
+
+@pytest.mark.parametrize("n", [20, 50, 100, 300])
+def test_what_is_far_beyond_training_is_novel_however_few_the_training_instances(n: int) -> None:
+    novelty = Novelty.fit(near(n, 0), "a", diameters(near(n, 0)))
+    given = near(60, 7)
+    for other in (displaced(given, 0.3), displaced(given, 0.3, 2), turned(given, 3.0)):
+        found = novelty.assess(other, "a", SUPPORTERS, diameters(other))
+        assert all(each.is_novel(0.01) for each in found)
+        assert all(each.is_novel(0.0) for each in found), "also where any p-value is accepted"
+    usual = [each.excess for each in novelty.assess(given, "a", SUPPORTERS, diameters(given))]
+    assert np.mean([bool(text) for text in usual]) <= 0.05
+
+
+def test_training_instances_are_within_the_limits_unless_they_contradict_each_other() -> None:
+    given = synthetic.estimates(200, seed=3)
+    for size in (0.01, 0.12, 5.0):
+        novelty = Novelty.fit(given, "a", diameters(given, size))
+        found = novelty.assess(given, "a", SUPPORTERS, diameters(given, size))
+        for i, each in enumerate(found):
+            apart = [
+                np.linalg.norm(given.cam_T_obj[k, i, :3, 3] - given.cam_T_obj[0, i, :3, 3]) / size
+                for k in (1, 2)
+            ]
+            assert not each.excess or max(apart) > 1
+
+
+def test_limits_scale_with_the_distance_and_the_size() -> None:
+    def scaled(given: Estimates, factor: float) -> Estimates:
+        poses = given.cam_T_obj.copy()
+        poses[..., :3, 3] *= factor
+        return dataclasses.replace(given, cam_T_obj=poses)
+
+    one = Novelty.fit(near(50, 0), "a", diameters(near(50, 0)))
+    three = Novelty.fit(scaled(near(50, 0), 3.0), "a", diameters(near(50, 0), 0.36))
+    assert_allclose(three.limits, one.limits, rtol=1e-9)
+
+
+def test_the_limit_in_the_text_is_that_of_the_quantity() -> None:
+    given = near(30, 0)
+    novelty = Novelty.fit(given, "a", diameters(given))
+    (said,) = {each.excess for each in novelty.assess(turned(given, 3.1), "a", SUPPORTERS)[:1]}
+    assert said.startswith("b is turned by 17")
+    assert "degrees from a; the limit is" in said
+    (said,) = (
+        each.excess
+        for each in novelty.assess(displaced(given, 1.0), "a", SUPPORTERS, diameters(given))[:1]
+    )
+    # one metre, and objects of 0.12 m
+    assert said.startswith("b is 8.3")
+    assert "object diameters from a; the limit is" in said
+
+
+def test_too_few_training_instances_to_tell_is_neither_novel_nor_not() -> None:
+    smallest = 1 / 51
+    usual = Disagreement(0.5, smallest)
+    assert usual.is_novel(0.01) is None
+    assert usual.is_novel(0.05) is False
+    assert usual.is_novel(0.0) is False, "any p-value was asked to be accepted"
+    assert usual.is_novel(0.5) is True
+    assert Disagreement(0.5, smallest, "b is far").is_novel(0.01) is True
+    novelty = Novelty.fit(near(50, 0), "a")
+    assert novelty.smallest_p_value == pytest.approx(smallest)
+
+
+def test_arrays_of_other_shapes_are_refused() -> None:
+    arrays = fitted(0).to_arrays()
+    for name, changed in (("limits", arrays["limits"][:1]), ("precision", np.eye(3))):
+        with pytest.raises(ValueError, match="different lengths"):
+            Novelty.from_arrays(arrays | {name: changed})

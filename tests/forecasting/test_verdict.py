@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from graspcast.errors import FormatError, InputError
 from graspcast.estimates.alignment import Estimates, IncompleteInstance
 from graspcast.estimates.instances import InstanceKey, Instances
+from graspcast.forecasting.novelty import Disagreement
 from graspcast.forecasting.verdict import (
     COLUMNS,
     Verdict,
@@ -43,13 +44,28 @@ def test_the_reason_states_both_numbers() -> None:
     assert decide(0.1, 0.5).reason == "probability 0.100 < 0.5"
 
 
+def test_novel_disagreement_is_abstained_from_and_what_cannot_be_checked_is_said() -> None:
+    for each, attempt, novel, said in (
+        (Disagreement(0.5, 0.001), True, False, ""),
+        (Disagreement(0.01, 0.001), False, True, "; out-of-distribution disagreement (p-value"),
+        (Disagreement(0.5, 0.001, "b is far"), False, True, "disagreement (b is far)"),
+        (Disagreement(0.5, 0.02), True, None, "; novelty not checkable at level 0.01 (smallest"),
+    ):
+        verdict = decide(0.9, 0.5, disagreement=each)
+        assert (verdict.attempt, verdict.out_of_distribution) == (attempt, novel)
+        assert verdict.p_value == each.p_value
+        assert said in verdict.reason
+    accepted = decide(0.9, 0.5, disagreement=Disagreement(0.01, 0.001), ood_alpha=0.0)
+    assert accepted.attempt
+
+
 @pytest.mark.parametrize("threshold", [-1e-9, 1 + 1e-9, float("nan"), float("inf")])
 def test_a_threshold_that_is_no_probability(threshold: float) -> None:
     with pytest.raises(InputError, match=f"between 0 and 1, not {threshold}"):
         check_threshold(threshold)
 
 
-@given(share)
+@each(share)
 def test_a_threshold_that_is_one(threshold: float) -> None:
     assert check_threshold(threshold) == threshold
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import warnings
 from collections.abc import Sequence
 
 from graspcast._version import __version__
@@ -31,7 +30,7 @@ from graspcast.cli import (
     watch,
 )
 from graspcast.cli.options import check_outputs
-from graspcast.errors import GraspcastError, TrainingDataWarning
+from graspcast.errors import GraspcastError
 
 __all__ = ["main", "parser", "verb_parsers"]
 
@@ -82,8 +81,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     arguments_parser = parser()
     options = arguments_parser.parse_args(arguments)
-    # The verbs print what the model card says.
-    warnings.simplefilter("ignore", TrainingDataWarning)
     try:
         check_outputs(options)
         return options.run(options) or 0

@@ -125,7 +125,7 @@ def _train(options: argparse.Namespace) -> None:
     from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
     from graspcast.forecasting.models.mlp.types import MlpSettings
-    from graspcast.forecasting.train import train_forecaster
+    from graspcast.forecasting.train import fit_forecaster
 
     inputs = inputs_of(options)
     data = _training_data(options, inputs)
@@ -157,7 +157,7 @@ def _train(options: argparse.Namespace) -> None:
             found = cross_validate(data, by="object", progress=move, **settings)
         scores["unseen_objects"] = found.as_dict()
     with progress_bar("training") as move:
-        forecaster = train_forecaster(data, progress=move, **settings)
+        forecaster = fit_forecaster(data, progress=move, **settings)
     card = replace(forecaster.card, scores=scores)
     forecaster = replace(forecaster, card=card)
     if scores:

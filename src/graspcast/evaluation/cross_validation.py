@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.errors import TrainingDataWarning
 from graspcast.estimates.instances import scene_groups
 from graspcast.evaluation.scores import Scores, score
 from graspcast.forecasting.splits import by_group, by_object
-from graspcast.forecasting.train import train_forecaster
+from graspcast.forecasting.train import fit_forecaster
 from graspcast.forecasting.training_data import TrainingData
 from graspcast.io.progress import Progress, step_of
 
@@ -34,7 +32,7 @@ def cross_validated(
     Parameters
     ----------
     training_data
-        Instances with outcomes, as for :func:`train_forecaster`.
+        Instances with outcomes, as for :func:`graspcast.train_forecaster`.
     by
         ``scene`` for folds of scenes (or blocks of frames), ``object`` to leave out each object in
         turn.
@@ -45,7 +43,7 @@ def cross_validated(
     progress
         Called with the share of the work that is done and a message.
     options
-        Those of :func:`train_forecaster`.
+        Those of :func:`graspcast.train_forecaster`.
 
     Returns
     -------
@@ -66,10 +64,7 @@ def cross_validated(
     for i, (_, test) in enumerate(parts):
         train = training_data.select(~np.isin(groups, own[test]))
         step = step_of(progress, i, len(parts), f"fold {i + 1} of {len(parts)}")
-        with warnings.catch_warnings():
-            # The forecaster that is kept is trained on more, and gives its own warnings.
-            warnings.simplefilter("ignore", TrainingDataWarning)
-            forecaster = train_forecaster(train, progress=step, **options)
+        forecaster = fit_forecaster(train, progress=step, **options)
         if by == "scene":
             test = test[np.isin(tried.objects[test], forecaster.card.objects)]
         if not len(test):
@@ -86,7 +81,7 @@ def cross_validate(training_data: TrainingData, **options: Any) -> Scores:
     Parameters
     ----------
     training_data
-        Instances with outcomes, as for :func:`train_forecaster`.
+        Instances with outcomes, as for :func:`graspcast.train_forecaster`.
     options
         Those of :func:`cross_validated`.
     """

@@ -20,7 +20,7 @@ from graspcast.forecasting.features import consensus_features
 from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.models.encoding import one_hot
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
-from graspcast.forecasting.train import train_forecaster
+from graspcast.forecasting.train import fit_forecaster
 from graspcast.forecasting.training_data import TrainingData
 
 __all__ = ["METHODS", "ExtraTrees", "Majority", "PaperNetworks", "Threshold", "success_rates"]
@@ -60,7 +60,7 @@ class Threshold:
 
     def __call__(self, task: Task) -> Float[ndarray, " n"]:
         """Forecast the test instances of a task."""
-        forecaster = train_forecaster(task.train, method="threshold", models=task.models)
+        forecaster = fit_forecaster(task.train, method="threshold", models=task.models)
         return forecaster.probability(task.test, task.models, unseen_objects=True)
 
 
@@ -91,7 +91,7 @@ class PaperNetworks:
                 optimiser=MlpSettings(epochs=self.epochs),
             )
             method = "MLP-O" if self.pools_objects else "MLP"
-            forecaster = train_forecaster(task.train, method=method, settings=settings)
+            forecaster = fit_forecaster(task.train, method=method, settings=settings)
             out[asked] = forecaster.probability(task.test.select(asked), unseen_objects=True)
         return out
 
@@ -160,7 +160,7 @@ class Forests:
             # The direct forest has no outcomes of what is left out, so the blend equals the
             # two-stage model, which is faster to train.
             method = "two-stage"
-        forecaster = train_forecaster(data, method=method, forests=settings, models=task.models)
+        forecaster = fit_forecaster(data, method=method, forests=settings, models=task.models)
         out = success_rates(task)
         asked = np.isin(task.test.objects, forecaster.card.objects) | (method != "two-stage")
         if asked.any():

@@ -24,7 +24,7 @@ from graspcast.forecasting.training_data import TrainingData
 from graspcast.io.progress import Progress
 from graspcast.io.provenance import versions
 
-__all__ = ["train_forecaster"]
+__all__ = ["fit_forecaster", "train_forecaster"]
 
 _FEW = 50
 """Outcomes below which a warning is given."""
@@ -77,6 +77,34 @@ def train_forecaster(
     TrainingDataWarning
         For few instances, or a single scene; the model card keeps the text.
     """
+    forecaster = fit_forecaster(
+        training_data,
+        method=method,
+        features=features,
+        settings=settings,
+        forests=forests,
+        models=models,
+        progress=progress,
+    )
+    for text in forecaster.card.warnings:
+        warnings.warn(text, TrainingDataWarning, stacklevel=2)
+    return forecaster
+
+
+def fit_forecaster(
+    training_data: TrainingData,
+    *,
+    method: str = "blend",
+    features: FeatureSet = "paper",
+    settings: NetworkSettings | None = None,
+    forests: ForestSettings | None = None,
+    models: Mapping[str, Models] | None = None,
+    progress: Progress | None = None,
+) -> Forecaster:
+    """Train a forecaster as :func:`train_forecaster` does, without Python warnings.
+
+    For cross-validation and for programs that show the model card's warnings themselves.
+    """
     if method not in KINDS:
         raise UnknownNameError("method", method, KINDS, parameters=("method",))
     scope = _scope(training_data, method)
@@ -105,8 +133,6 @@ def train_forecaster(
             predictor = NetworkEnsemble.fit(values, success, numbers, used, progress=progress)
     novelty = Novelty.fit(data.estimates, card.principal, card.diameters_of(data.objects))
     limits = _limitations(data, novelty, predictor)
-    for text in limits:
-        warnings.warn(text, TrainingDataWarning, stacklevel=2)
     card = replace(card, smallest_p_value=novelty.smallest_p_value, warnings=limits)
     return Forecaster(card, predictor, novelty, np.median(values, axis=0))
 

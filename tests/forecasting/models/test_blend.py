@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import synthetic
 from graspcast.bop.models import Models
-from graspcast.errors import InputError
+from graspcast.errors import InputError, TrainingDataWarning
 from graspcast.evaluation.scores import score
 from graspcast.forecasting.features import features_of
 from graspcast.forecasting.forecaster import Forecaster
@@ -152,6 +152,20 @@ def test_simulated_trials_of_tried_objects_and_of_other_objects_do_not_matter(
         expected = forecaster.probability(unseen, models)
         # (outcomes of d-1 in every fold's training part outweigh its simulated trials)
         assert_array_equal(again.probability(unseen, models), expected)
+
+
+def test_outcomes_of_one_scene_among_several_train_without_calibration(
+    models: dict[str, Models],
+) -> None:
+    given = synthetic.training_data(120)
+    first = given.estimates.scene_id == given.estimates.scene_id[0]
+    success = np.where(first, given.success, np.nan)
+    with pytest.warns(TrainingDataWarning, match="not calibrated: that takes outcomes in two"):
+        forecaster = trained(dataclasses.replace(given, success=success), models)
+    assert blend_of(forecaster).out_of_fold is None
+    assert_array_equal(blend_of(forecaster).calibration, [[1, 0], [1, 0]])
+    assert any("not calibrated" in text for text in forecaster.card.warnings)
+    assert np.isfinite(forecaster.probability(given.estimates, models)).all()
 
 
 def test_outcomes_of_instances_that_were_not_selected_do_not_matter(
