@@ -65,7 +65,7 @@ def test_a_threshold_that_is_no_probability(threshold: float) -> None:
         check_threshold(threshold)
 
 
-@each(share)
+@given(share)
 def test_a_threshold_that_is_one(threshold: float) -> None:
     assert check_threshold(threshold) == threshold
 
