@@ -11,7 +11,7 @@ from numpy.testing import assert_array_equal
 import synthetic
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.evaluation.scores import score
-from graspcast.forecasting.forecaster import KINDS
+from graspcast.forecasting.model_file import KINDS
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
 from graspcast.forecasting.train import train_forecaster

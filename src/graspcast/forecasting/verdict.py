@@ -7,7 +7,6 @@ import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -19,6 +18,7 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import KEY_COLUMNS, InstanceKey
 from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.io.files import write_text
+from graspcast.io.reading import read_text
 from graspcast.pose.transforms import transform
 
 __all__ = [
@@ -237,7 +237,7 @@ def read_verdicts(path: str | PathLike[str]) -> list[VerdictRow]:
         verdicts on the same grasp.
     """
     try:
-        with Path(path).open(encoding="utf-8-sig", newline="") as stream:
+        with io.StringIO(read_text(path), newline="") as stream:
             reader = csv.DictReader(stream)
             _check_columns(path, reader.fieldnames or ())
             lines: dict[tuple[object, ...], int] = {}
@@ -254,9 +254,7 @@ def read_verdicts(path: str | PathLike[str]) -> list[VerdictRow]:
                 lines[trial] = reader.line_num
                 out.append(found)
             return out
-    except OSError as error:
-        raise FormatError(path, f"cannot be read ({error.strerror})") from error
-    except (UnicodeDecodeError, csv.Error) as error:
+    except csv.Error as error:
         raise FormatError(path, f"is not a CSV file ({error})") from error
 
 
