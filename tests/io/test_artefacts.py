@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,14 @@ import numpy as np
 import pytest
 
 from graspcast.errors import FormatError, InputError
+from graspcast.evaluation.predictions import Forecasts
+from graspcast.guarantees.certificate import Certificate
+from graspcast.guarantees.certify import certify
+from graspcast.guarantees.drift_monitor import DriftMonitor
+from graspcast.guarantees.monitor_state import MonitorState
 from graspcast.io.artefacts import read_artefact, write_artefact
+from graspcast.simulation.campaign.store import Store
+from worlds import ASKED
 
 CONTENT: dict[str, Any] = {
     "name": "müg",
@@ -65,3 +73,69 @@ def test_without_a_digest_or_with_another_it_is_refused(tmp_path: Path) -> None:
             read_artefact(path, "make it again")
     with pytest.raises(InputError, match="not finite"):
         write_artefact(path, {"x": float("nan")})
+
+
+def certificate(folder: Path) -> tuple[Path, Callable[[], Any]]:
+    n, path = np.arange(80), folder / "certificate.json"
+    certify(np.full(80, 0.95), n >= 0, n // 2, **ASKED).save(path)
+    return path, lambda: Certificate.load(path).as_dict()
+
+
+def drift_monitor(folder: Path) -> tuple[Path, Callable[[], Any]]:
+    monitor, path = DriftMonitor(0.9), folder / "monitor.json"
+    for n in range(20):
+        monitor.observe(n % 3 > 0, str(n))
+    monitor.save(path)
+    return path, lambda: DriftMonitor.load(path).as_dict()
+
+
+def monitor_state(folder: Path) -> tuple[Path, Callable[[], Any]]:
+    made, _ = certificate(folder)
+    guarantee, path = Certificate.load(made).overall, folder / "state.json"
+    MonitorState.open(path, made, guarantee).save()
+
+    def read() -> Any:
+        found = MonitorState.open(path, made, guarantee)
+        return found.monitor.as_dict(), found.certificate, found.scope, found.rows_read
+
+    return path, read
+
+
+def manifest(folder: Path) -> tuple[Path, Callable[[], Any]]:
+    Store(folder).begin({"configuration": {"trials": 10, "seed": 3, "speed": 0.25}})
+    return folder / "manifest.json", lambda: Store(folder).manifest
+
+
+def forecasts(folder: Path) -> tuple[Path, Callable[[], Any]]:
+    path, names = folder / "f.npz", np.array(["d-1", "d-2"])
+    columns = (np.array([0.25, 0.5]), np.array([True, False]), names, names)
+    Forecasts("unseen_scenes", "m", "epos", "parallel", *columns).save(path, "x")
+
+    def read() -> Any:
+        found = Forecasts.load(path, "x")
+        assert found is not None
+        return {name: np.asarray(value).tolist() for name, value in vars(found).items()}
+
+    return path, read
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [certificate, drift_monitor, monitor_state, manifest, forecasts],
+    ids=lambda k: k.__name__,
+)
+def test_a_flipped_bit_in_any_artefact_changes_nothing_unnoticed(
+    tmp_path: Path, kind: Callable[[Path], tuple[Path, Callable[[], Any]]]
+) -> None:
+    path, read = kind(tmp_path)
+    content, expected, random = path.read_bytes(), read(), np.random.default_rng(1)
+    refused = 0
+    for place in random.permutation(8 * len(content)).tolist()[:400]:
+        changed = bytearray(content)
+        changed[place // 8] ^= 1 << place % 8
+        path.write_bytes(changed)
+        try:
+            assert read() == expected
+        except FormatError:
+            refused += 1
+    assert refused > 100
