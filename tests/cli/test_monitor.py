@@ -133,7 +133,7 @@ def test_what_the_monitor_refuses_changes_nothing(
     state.write_text(state.read_text()[:100])
     assert "not valid JSON" in refused(arguments, capsys)
     state.write_text("{}")
-    assert "no 'monitor'" in refused(arguments, capsys)
+    assert "has no digest" in refused(arguments, capsys)
 
 
 def test_a_certificate_without_a_threshold_is_refused(

@@ -21,6 +21,15 @@ def test_the_other_methods(world: Path, method: str) -> None:
     assert main(predict(world)) == 0
 
 
+@pytest.mark.parametrize("method", ["direct", "MLP"])
+def test_the_order_of_the_estimates_changes_no_byte_of_the_model(world: Path, method: str) -> None:
+    files = []
+    for names in ("abc", "cab", "bca"):
+        assert main(train(world, "--folds", "2", "--method", method, names=names)) == 0
+        files.append((world / "m.npz").read_bytes())
+    assert files[0] == files[1] == files[2]
+
+
 def test_unknown_names_are_answered_with_the_known(
     world: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
 import synthetic
+from graspcast.bop.models import Models
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.evaluation.scores import score
-from graspcast.forecasting.forecaster import KINDS
+from graspcast.forecasting.model_file import KINDS
+from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
 from graspcast.forecasting.train import train_forecaster
 from graspcast.paper.dataset import Published
+from poses import write_models
 
 SHORT = NetworkSettings(members=2, optimiser=MlpSettings(epochs=80, rate=1e-2))
 
@@ -32,6 +36,25 @@ def test_training_does_not_depend_on_the_order_of_estimators_but_on_the_principa
         train_forecaster(samples, method="MLP-O", settings=SHORT).probability(unseen),
         one.probability(unseen),
     )
+
+
+@pytest.mark.parametrize("method", ["direct", "MLP-O"])
+def test_the_order_in_which_estimators_are_given_changes_no_byte_of_the_model(
+    tmp_path: Path, method: str
+) -> None:
+    samples = synthetic.tried()
+    files = []
+    for order in (("a", "b", "c"), ("c", "a", "b"), ("b", "c", "a")):
+        forecaster = train_forecaster(
+            samples.only(*order),
+            method=method,
+            settings=SHORT,
+            forests=ForestSettings(trees=3, folds=0),
+            models={"d": Models(write_models(tmp_path / "models", obj_1={}, obj_2={}))},
+        )
+        forecaster.save(tmp_path / "m.npz")
+        files.append((tmp_path / "m.npz").read_bytes())
+    assert files[0] == files[1] == files[2]
 
 
 def test_what_cannot_be_trained_on_is_refused() -> None:

@@ -12,6 +12,7 @@ import pytest
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
 from graspcast.guarantees.certificate import OVERALL, Certificate, Guarantee
 from graspcast.guarantees.certify import certify
+from graspcast.io.artefacts import write_artefact
 from worlds import ASKED, World, drawn
 
 
@@ -59,7 +60,7 @@ def test_damaged_certificates_are_refused(
         place = place[key]
     place[path[-1]] = value
     file = tmp_path / "p.json"
-    file.write_text(json.dumps(content))
+    write_artefact(file, content)
     with pytest.raises(FormatError, match=message):
         Certificate.load(file)
 
@@ -68,12 +69,12 @@ def test_every_entry_of_a_certificate_is_needed(certificate: Certificate, tmp_pa
     file = tmp_path / "p.json"
     whole = json.loads(json.dumps(certificate.as_dict()))
     for key in whole:
-        file.write_text(json.dumps({k: v for k, v in whole.items() if k != key}))
+        write_artefact(file, {k: v for k, v in whole.items() if k != key})
         with pytest.raises(FormatError, match=key):
             Certificate.load(file)
     for key in whole["guarantees"][0]:
         one = {k: v for k, v in whole["guarantees"][0].items() if k != key}
-        file.write_text(json.dumps({**whole, "guarantees": [one]}))
+        write_artefact(file, {**whole, "guarantees": [one]})
         with pytest.raises(FormatError, match=key):
             Certificate.load(file)
 

@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 import graspcast
 from graspcast.errors import FormatError, InputError
 from graspcast.guarantees.drift_monitor import DriftMonitor
+from graspcast.io.artefacts import write_artefact
 
 ENV = {**os.environ, "PYTHONPATH": str(Path(graspcast.__file__).parents[1])}
 
@@ -214,7 +215,7 @@ def test_damaged_states_are_refused(
     tmp_path: Path, change: dict[str, object], message: str
 ) -> None:
     path = tmp_path / "m.json"
-    path.write_text(json.dumps({**DriftMonitor(0.9).as_dict(), **change}))
+    write_artefact(path, {**DriftMonitor(0.9).as_dict(), **change})
     with pytest.raises(FormatError, match=message):
         DriftMonitor.load(path)
     text = json.dumps(DriftMonitor(0.9).as_dict())
@@ -227,6 +228,6 @@ def test_every_entry_of_a_state_is_needed(tmp_path: Path) -> None:
     path = tmp_path / "m.json"
     whole = DriftMonitor(0.9).as_dict()
     for key in whole:
-        path.write_text(json.dumps({k: v for k, v in whole.items() if k != key}))
+        write_artefact(path, {k: v for k, v in whole.items() if k != key})
         with pytest.raises(FormatError, match=f"no '{key}'"):
             DriftMonitor.load(path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from graspcast.guarantees.certificate import Certificate
 from graspcast.guarantees.certify import certify
 from graspcast.guarantees.drift_monitor import DriftMonitor
 from graspcast.guarantees.monitor_state import MonitorState
+from graspcast.io.artefacts import read_artefact, write_artefact
 from worlds import ASKED
 
 
@@ -82,12 +82,12 @@ def test_states_of_other_guarantees_settings_and_formats_are_refused(
         MonitorState.open(file, path, certificate.of("d-1"))
     with pytest.raises(MismatchError, match=r"made with alpha 0\.1, not 0\.2"):
         MonitorState.open(file, path, certificate.overall, alpha=0.2)
-    content = json.loads(file.read_text())
-    file.write_text(json.dumps({**content, "rows_read": -1}))
+    content = read_artefact(file, "")
+    write_artefact(file, {**content, "rows_read": -1})
     with pytest.raises(FormatError, match="rows_read is -1"):
         MonitorState.open(file, path, certificate.overall)
     content["monitor"]["format"] = 1
-    file.write_text(json.dumps(content))
+    write_artefact(file, content)
     with pytest.raises(FormatError, match="format 1, not 2"):
         MonitorState.open(file, path, certificate.overall)
 

@@ -109,7 +109,7 @@ def test_a_small_release(tmp_path: Path) -> None:
         ("lmo-1-epos.txt", "# nothing\n", "names 0 of the 1 poses"),
         ("lmo-1-epos.txt", "2\t3\t7\tTP\t0\t0\t0\t0\t1,2\t0\n", "line 1: names row 7 of 1"),
         ("lmo-1-epos.txt", "2\tx\t0\tTP\t0\t0\t0\t0\t1,2\t0\n", "line 1: unexpected fields"),
-        ("pose_data_lmo-1-epos.npz", "PK", "holds no arrays T_est and T_gt"),
+        ("pose_data_lmo-1-epos.npz", "PK", "not a complete npz file"),
         ("lmo-one-epos.txt", "", "is not named as an index"),
         (
             "../../../../Parallel-Gripper/EPOS/LMO/weights/lmo-1-epos-parallel-results.txt",

@@ -98,7 +98,7 @@ def _scenes(directory: Path, file: str) -> Iterator[tuple[int, Path]]:
             f"{directory}: no such directory; it should hold scene folders (000001 …)",
             parameters=("ground_truth",),
         )
-    found = sorted(p for p in directory.iterdir() if p.name.isdecimal() and (p / file).is_file())
+    found = sorted(p for p in directory.iterdir() if p.name.isdecimal() and (p / file).exists())
     numbers_of = [int(folder.name) for folder in found]
     for folder, number in zip(found, numbers_of, strict=True):
         if numbers_of.count(number) > 1:
@@ -132,7 +132,7 @@ def read_ground_truth(directory: str | PathLike[str]) -> GroundTruth:
     for scene_id, path in _scenes(directory, "scene_gt.json"):
         images = read_json(path, dict)
         info_path = path.with_name("scene_gt_info.json")
-        info = read_json(info_path, dict) if info_path.is_file() else {}
+        info = read_json(info_path, dict) if info_path.exists() else {}
         scene_start = len(rotations)
         for im_id, image, instances in by_identifier(images, path, "image"):
             where = f"image {image}"
@@ -304,7 +304,7 @@ class BopDataset:
     def image_size(self) -> tuple[int, int] | None:
         """Width and height of every image in pixels; None if ``camera.json`` lacks them."""
         path = self.root / "camera.json"
-        entry = read_json(path, dict) if path.is_file() else {}
+        entry = read_json(path, dict) if path.exists() else {}
         if "width" not in entry or "height" not in entry:
             return None
         return identifier(entry["width"], path, "width"), identifier(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from os import PathLike
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from jaxtyping import UInt8
 from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError
+from graspcast.io.reading import read_bytes
 
 __all__ = ["find_images", "read_image"]
 
@@ -62,7 +64,7 @@ def read_image(
     from PIL import Image, UnidentifiedImageError
 
     try:
-        with Image.open(path) as image:
+        with Image.open(io.BytesIO(read_bytes(path))) as image:
             if image.mode != "RGB":
                 kind = "has an alpha channel" if "A" in image.mode else None
                 kind = kind or _KINDS.get(image.mode, f"is of mode {image.mode}")

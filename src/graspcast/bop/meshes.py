@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -14,6 +15,7 @@ from numpy import ndarray
 from graspcast.bop.units import metres, millimetres
 from graspcast.errors import FormatError
 from graspcast.io.files import atomic_write
+from graspcast.io.reading import read_bytes
 
 __all__ = ["Mesh", "read_coloured_mesh", "read_mesh", "write_mesh"]
 
@@ -87,12 +89,10 @@ def write_mesh(
 def _load(path: Path) -> Any:
     import trimesh
 
+    content = read_bytes(path)
     try:
-        with path.open("rb") as stream:
-            resolver = trimesh.resolvers.FilePathResolver(str(path))
-            return trimesh.load(stream, file_type="ply", process=False, resolver=resolver)
-    except OSError as error:
-        raise FormatError(path, f"cannot be read ({error.strerror})") from error
+        resolver = trimesh.resolvers.FilePathResolver(str(path))
+        return trimesh.load(io.BytesIO(content), file_type="ply", process=False, resolver=resolver)
     except Exception as error:  # trimesh raises many types
         raise FormatError(path, f"is not a PLY mesh ({error})") from error
 

@@ -7,6 +7,7 @@ instance, ``scene_id,im_id,obj_id,score,R,t,time``, with R row-major and t in mi
 from __future__ import annotations
 
 import csv
+import io
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -24,6 +25,7 @@ from graspcast.bop.summary import summary
 from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError
 from graspcast.io.files import write_text
+from graspcast.io.reading import read_text
 
 __all__ = [
     "Results",
@@ -231,7 +233,7 @@ def _join(values: ndarray) -> str:
 def _csv_rows(path: Path) -> Iterator[tuple[int, tuple[str, ...] | None]]:
     """Yield line number and the fields of ``COLUMNS``; None for too few or too many fields."""
     try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
+        with io.StringIO(read_text(path), newline="") as stream:
             reader = csv.reader(stream, strict=True)
             header = [name.strip() for name in next(reader, [])]
             missing = [name for name in COLUMNS if name not in header]
@@ -247,10 +249,6 @@ def _csv_rows(path: Path) -> Iterator[tuple[int, tuple[str, ...] | None]]:
             for fields in reader:
                 if fields:
                     yield reader.line_num, wanted(fields) if len(fields) == len(header) else None
-    except OSError as error:
-        raise FormatError(path, f"cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise FormatError(path, "is not UTF-8 text; is it a CSV file?") from error
     except csv.Error as error:
         raise FormatError(path, f"is not a CSV file ({error})") from error
 

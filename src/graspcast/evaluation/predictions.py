@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -14,9 +12,11 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError, MismatchError
-from graspcast.io.files import atomic_write
+from graspcast.io.arrays import read_arrays, write_arrays
 
 __all__ = ["Forecasts"]
+
+_REMEDY = "delete it and start again"
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +92,8 @@ class Forecasts:
 
     def save(self, path: str | PathLike[str], configuration: str) -> None:
         """Write an npz file atomically, with the configuration that the forecasts come from."""
-        stream = io.BytesIO()
-        arrays: dict[str, Any] = dict(self.__dict__)
-        np.savez_compressed(stream, configuration=np.array(configuration), **arrays)
-        with atomic_write(path) as temporary:
-            temporary.write_bytes(stream.getvalue())
+        arrays = {name: np.asarray(value) for name, value in self.__dict__.items()}
+        write_arrays(path, {"configuration": np.array(configuration), **arrays})
 
     @classmethod
     def load(cls, path: str | PathLike[str], configuration: str) -> Forecasts | None:
@@ -110,9 +107,8 @@ class Forecasts:
         path = Path(path)
         if not path.exists():
             return None
+        content = read_arrays(path, _REMEDY)
         try:
-            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
-                content: Mapping[str, Any] = dict(data)
             if str(content["configuration"]) != configuration:
                 return None
             names = ("protocol", "method", "principal", "gripper")
@@ -121,5 +117,5 @@ class Forecasts:
             return cls(**named, **{c: content[c] for c in columns})
         except Exception as error:  # those of zipfile, zlib and NumPy have no common base
             raise FormatError(
-                path, f"is not a complete file of forecasts ({error}); delete it and start again"
+                path, f"is not a complete file of forecasts ({error}); {_REMEDY}"
             ) from error

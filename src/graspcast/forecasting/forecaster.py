@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import repeat
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,7 @@ from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
-from graspcast.errors import FormatError, MismatchError
+from graspcast.errors import MismatchError
 from graspcast.estimates.alignment import Estimates, align
 from graspcast.forecasting.attribution import attributions
 from graspcast.forecasting.features import (
@@ -24,11 +22,9 @@ from graspcast.forecasting.features import (
     features_of,
 )
 from graspcast.forecasting.model_card import ModelCard
-from graspcast.forecasting.models.add_threshold import Thresholds
+from graspcast.forecasting.model_file import read_model, write_model
 from graspcast.forecasting.models.base import Predictor
-from graspcast.forecasting.models.blend import Blend
 from graspcast.forecasting.models.encoding import UNSEEN
-from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble
 from graspcast.forecasting.novelty import OOD_ALPHA, Disagreement, Novelty
 from graspcast.forecasting.pose_checks import estimate_problems, estimates_of_one
 from graspcast.forecasting.verdict import (
@@ -38,20 +34,8 @@ from graspcast.forecasting.verdict import (
     decide,
     verdict_rows,
 )
-from graspcast.io.files import atomic_write
 
-__all__ = ["KINDS", "Forecaster"]
-
-KINDS: Mapping[str, Any] = {
-    "blend": Blend,
-    "two-stage": Blend,
-    "direct": Blend,
-    "threshold": Thresholds,
-    "MLP": NetworkEnsemble,
-    "MLP-O": NetworkEnsemble,
-}
-"""Method's name to the class of its model."""
-_FORMAT = 4
+__all__ = ["Forecaster"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -369,16 +353,8 @@ class Forecaster:
         return np.array([number.get(name, UNSEEN) for name in names.tolist()], dtype=np.int64)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write one npz file of arrays and JSON, without pickle."""
-        content = {"format": _FORMAT, "card": self.card.as_dict()}
-        with atomic_write(path) as temporary, temporary.open("wb") as stream:
-            np.savez_compressed(
-                stream,
-                card=np.array(json.dumps(content)),
-                typical=self.typical,
-                **_prefixed("predictor", self.predictor.to_arrays()),
-                **_prefixed("novelty", self.novelty.to_arrays()),
-            )
+        """Write one npz file of arrays and JSON, without pickle, with a digest."""
+        write_model(path, self.card, self.predictor, self.novelty, self.typical)
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Forecaster:
@@ -387,40 +363,6 @@ class Forecaster:
         Raises
         ------
         FormatError
-            If the file is missing, truncated, or not a model.
+            If the file is missing, damaged, or not a model.
         """
-        path = Path(path)
-        try:
-            # Opened here, since NumPy would not close a file that is not an archive.
-            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
-                content = json.loads(str(data["card"]))
-                arrays = {k: data[k] for k in data.files if k != "card"}
-            if content["format"] != _FORMAT:
-                raise FormatError(path, f"is a model of format {content['format']}, not {_FORMAT}")
-            card = ModelCard.from_dict(content["card"])
-            return cls(
-                card,
-                KINDS[card.method].from_arrays(_below("predictor", arrays)),
-                Novelty.from_arrays(_below("novelty", arrays)),
-                arrays["typical"],
-            )
-        except FormatError:
-            raise
-        except OSError as error:
-            raise FormatError(path, f"cannot be read ({error.strerror or error})") from error
-        except Exception as error:  # those of zipfile, zlib, tokenize and NumPy have no common base
-            raise FormatError(
-                path, f"is not a complete model file ({error}); train it again"
-            ) from error
-
-
-def _prefixed(prefix: str, arrays: Mapping[str, ndarray]) -> dict[str, Any]:
-    return {f"{prefix}/{name}": array for name, array in arrays.items()}
-
-
-def _below(prefix: str, arrays: Mapping[str, ndarray]) -> dict[str, ndarray]:
-    return {
-        name.removeprefix(f"{prefix}/"): array
-        for name, array in arrays.items()
-        if name.startswith(f"{prefix}/")
-    }
+        return cls(*read_model(path))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ class ModelCard:
     scenes
         ``dataset/scene`` of all training instances.
     method
-        A key of :data:`graspcast.forecasting.forecaster.KINDS`.
+        A key of :data:`graspcast.forecasting.model_file.KINDS`.
     features
         Feature set (``paper``, ``rich`` or ``full``), or ``add`` for the threshold.
     settings
@@ -95,9 +95,19 @@ class ModelCard:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> ModelCard:
-        """Restore what :meth:`as_dict` returned, also from JSON."""
-        lists = ("supporters", "objects", "simulated", "scenes", "warnings")
-        return cls(**{**content, **{k: tuple(content[k]) for k in lists}})
+        """Restore what :meth:`as_dict` returned, also from JSON.
+
+        Raises
+        ------
+        ValueError
+            Naming the entry that is missing, unknown or wrong.
+        """
+        known = [f.name for f in fields(cls)]
+        if set(content) != set(known):
+            odd = ", ".join(sorted(set(content) ^ set(known)))
+            raise ValueError(f"a model card has {', '.join(known)}; missing or unknown: {odd}")
+        values = {f.name: _entry(f.name, str(f.type), content[f.name]) for f in fields(cls)}
+        return cls(**values)
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values, for JSON."""
@@ -108,3 +118,24 @@ def digest_of(estimates: Estimates, *others: ndarray) -> str:
     """Return the SHA-256 of instances, poses and further arrays."""
     columns = ("dataset", "scene_id", "im_id", "obj_id", "est_id", "cam_T_obj")
     return sha256(*(getattr(estimates, name) for name in columns), *others)
+
+
+def _entry(name: str, kind: str, value: Any) -> Any:
+    """Return an entry of a card as its type has it; raise ValueError if it is something else."""
+    if kind == "tuple[str, ...]":
+        listed = isinstance(value, list | tuple) and all(isinstance(text, str) for text in value)
+        if listed and len(set(value)) == len(value):
+            return tuple(value)
+    elif kind == "float":
+        if type(value) in (int, float) and 0 <= value <= 1:
+            return float(value)
+    elif kind == "int":
+        if type(value) is int and value >= 0:
+            return value
+    elif kind == "dict[str, float]":
+        numbers = list(value.values()) if isinstance(value, dict) else [0.0]
+        if all(type(x) is float and 0 < x < float("inf") for x in numbers):
+            return value
+    elif isinstance(value, str if kind == "str" else dict):
+        return value
+    raise ValueError(f"the card's {name} is {value!r}")

@@ -197,6 +197,8 @@ class Novelty:
         d = len(out.centre)
         if out.precision.shape != (d, d) or out.limits.shape != (d // 6, 4) or d % 6:
             raise ValueError("the arrays of the novelty detector have different lengths")
+        if not (out.limits >= 0).all():
+            raise ValueError("a limit of the novelty detector is not a length or an angle")
         return out
 
 

@@ -13,8 +13,9 @@ from graspcast.bop.models import Models
 from graspcast.errors import InputError, TrainingDataWarning, UnknownNameError
 from graspcast.estimates.instances import split_object_name, unit_names
 from graspcast.forecasting.features import FeatureSet, features_of
-from graspcast.forecasting.forecaster import KINDS, Forecaster
+from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.model_card import ModelCard, digest_of
+from graspcast.forecasting.model_file import KINDS
 from graspcast.forecasting.models.add_threshold import Thresholds
 from graspcast.forecasting.models.base import Predictor
 from graspcast.forecasting.models.blend import Blend, ForestSettings
@@ -43,6 +44,8 @@ def train_forecaster(
     progress: Progress | None = None,
 ) -> Forecaster:
     """Train a forecaster for a principal, its supporters, a gripper and objects.
+
+    The order of the estimators makes no difference: they are sorted by name.
 
     Parameters
     ----------
@@ -107,7 +110,8 @@ def fit_forecaster(
     """
     if method not in KINDS:
         raise UnknownNameError("method", method, KINDS, parameters=("method",))
-    scope = _scope(training_data, method)
+    in_order = sorted(training_data.estimates.estimators)  # whatever the order they are given in
+    scope = _scope(training_data.only(*in_order), method)
     data = scope.data
     used: Any = None
     feature_set: str = features

@@ -7,7 +7,6 @@ import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -20,6 +19,7 @@ from graspcast.estimates.instances import KEY_COLUMNS, InstanceKey
 from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.forecasting.novelty import OOD_ALPHA, Disagreement
 from graspcast.io.files import write_text
+from graspcast.io.reading import read_text
 from graspcast.pose.transforms import transform
 
 __all__ = [
@@ -250,7 +250,7 @@ def read_verdicts(path: str | PathLike[str]) -> list[VerdictRow]:
         verdicts on the same grasp.
     """
     try:
-        with Path(path).open(encoding="utf-8-sig", newline="") as stream:
+        with io.StringIO(read_text(path), newline="") as stream:
             reader = csv.DictReader(stream)
             _check_columns(path, reader.fieldnames or ())
             lines: dict[tuple[object, ...], int] = {}
@@ -267,9 +267,7 @@ def read_verdicts(path: str | PathLike[str]) -> list[VerdictRow]:
                 lines[trial] = reader.line_num
                 out.append(found)
             return out
-    except OSError as error:
-        raise FormatError(path, f"cannot be read ({error.strerror})") from error
-    except (UnicodeDecodeError, csv.Error) as error:
+    except csv.Error as error:
         raise FormatError(path, f"is not a CSV file ({error})") from error
 
 

@@ -10,7 +10,8 @@ from typing import Any, get_args
 from graspcast.errors import FormatError, GraspcastError, MismatchError, UnknownNameError
 from graspcast.guarantees.threshold_sequence import ThresholdSequence
 from graspcast.guarantees.unit_draws import Weight
-from graspcast.io.json import read_json, require, write_json
+from graspcast.io.artefacts import read_artefact, write_artefact
+from graspcast.io.json import require
 
 __all__ = ["MAX_UNITS", "OVERALL", "Certificate", "Guarantee"]
 
@@ -192,7 +193,7 @@ class Certificate:
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write it as JSON, atomically."""
-        write_json(path, self.as_dict())
+        write_artefact(path, self.as_dict())
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Certificate:
@@ -203,7 +204,7 @@ class Certificate:
         FormatError
             Naming the entry that is missing or wrong.
         """
-        content = read_json(path, dict)
+        content = read_artefact(path, "certify again", parameters=("certificate",))
         if (found := require(content, "format", path, "top level")) != _FORMAT:
             raise FormatError(
                 path,

@@ -36,7 +36,8 @@ from os import PathLike
 from typing import Any
 
 from graspcast.errors import FormatError, InputError
-from graspcast.io.json import read_json, require, write_json
+from graspcast.io.artefacts import read_artefact, write_artefact
+from graspcast.io.json import require
 
 __all__ = ["DriftMonitor"]
 
@@ -246,7 +247,7 @@ class DriftMonitor:
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write it as JSON, atomically."""
-        write_json(path, self.as_dict())
+        write_artefact(path, self.as_dict())
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> DriftMonitor:
@@ -257,7 +258,7 @@ class DriftMonitor:
         FormatError
             Naming the entry that is missing or wrong.
         """
-        return cls.from_dict(read_json(path, dict), path)
+        return cls.from_dict(read_artefact(path, "start a new state", parameters=("state",)), path)
 
 
 def _log_sum(logs: tuple[float, ...]) -> float:

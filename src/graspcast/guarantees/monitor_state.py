@@ -19,8 +19,9 @@ from graspcast.errors import FormatError, MismatchError
 from graspcast.estimates.outcomes import read_outcomes
 from graspcast.guarantees.certificate import OVERALL, Guarantee
 from graspcast.guarantees.drift_monitor import DriftMonitor
+from graspcast.io.artefacts import read_artefact, write_artefact
 from graspcast.io.hashing import sha256, sha256_of_file
-from graspcast.io.json import read_json, require, write_json
+from graspcast.io.json import require
 
 __all__ = ["MonitorState"]
 
@@ -114,7 +115,7 @@ class MonitorState:
 
     @classmethod
     def _load(cls, path: Path) -> MonitorState:
-        content = read_json(path, dict)
+        content = read_artefact(path, "start a new state", parameters=("state",))
         monitor = DriftMonitor.from_dict(require(content, "monitor", path, "top level"), path)
         names = ("certificate", "scope", "rows_read", "rows_digest")
         found = {name: require(content, name, path, "top level") for name in names}
@@ -180,7 +181,7 @@ class MonitorState:
             "rows_read": self.rows_read,
             "rows_digest": self.rows_digest,
         }
-        write_json(self.path, content)
+        write_artefact(self.path, content)
 
 
 def _digest(frame: pl.DataFrame) -> str:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
+
+from graspcast.io.reading import read_bytes
 
 __all__ = ["canonical_json", "sha256", "sha256_of_file"]
 
@@ -41,10 +42,10 @@ def sha256_of_file(path: str | PathLike[str]) -> str:
 
     Raises
     ------
-    OSError
+    FormatError
         If the file cannot be read.
     """
-    return sha256(Path(path).read_bytes())
+    return sha256(read_bytes(path))
 
 
 def canonical_json(value: Any) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError
 from graspcast.io.files import write_text
+from graspcast.io.reading import read_text
 
 __all__ = ["by_identifier", "identifier", "numbers", "read_json", "require", "write_json"]
 
@@ -27,15 +27,12 @@ def read_json(path: str | PathLike[str], kind: type[object]) -> Any:
         If it cannot be read or parsed, or its top level is something else.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-        value = json.loads(text, object_pairs_hook=_without_repeats)
-    except OSError as error:
-        raise FormatError(path, f"cannot be read ({error.strerror})") from error
+        value = json.loads(read_text(path), object_pairs_hook=_without_repeats)
     except RecursionError as error:
         raise FormatError(path, "is nested too deeply") from error
     except _RepeatedKeyError as error:
         raise FormatError(path, f"has the key {str(error)!r} twice in one object") from error
-    except ValueError as error:  # json.JSONDecodeError, UnicodeDecodeError and too-long integers
+    except ValueError as error:  # json.JSONDecodeError, and too-long integers
         raise FormatError(path, f"is not valid JSON ({error})") from error
     if not isinstance(value, kind):
         name = "an object" if kind is dict else "a list"

@@ -20,6 +20,7 @@ import polars as pl
 from graspcast.errors import FormatError
 from graspcast.io.files import atomic_write
 from graspcast.io.hashing import sha256
+from graspcast.io.reading import read_bytes
 
 __all__ = ["parquet_bytes", "read_csv", "read_parquet", "write_table"]
 
@@ -83,10 +84,7 @@ def read_parquet(path: str | PathLike[str]) -> pl.DataFrame:
         If the file cannot be read, its digest does not match, or it is not Parquet.
     """
     path = Path(path)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise FormatError(path, f"cannot be read ({error.strerror or error})") from error
+    content = read_bytes(path)
     start = _digest_start(content)
     if start is None:
         _parse_in_child(path, content)
@@ -114,9 +112,7 @@ def read_csv(path: str | PathLike[str]) -> pl.DataFrame:
         If the file cannot be read or is not CSV.
     """
     try:
-        return pl.read_csv(Path(path), infer_schema_length=None)
-    except OSError as error:
-        raise FormatError(path, f"cannot be read ({error.strerror or error})") from error
+        return pl.read_csv(io.BytesIO(read_bytes(path)), infer_schema_length=None)
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise FormatError(path, f"is not a CSV file ({_first_line(error)})") from error
 

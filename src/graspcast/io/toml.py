@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from graspcast.errors import FormatError, UnknownNameError
+from graspcast.io.reading import MAX_TEXT_BYTES, read_text
 
 __all__ = ["TomlTable", "read_toml"]
 
@@ -23,13 +24,10 @@ def read_toml(path: Path) -> dict[str, Any]:
         If it cannot be read, or is not TOML.
     """
     try:
-        with path.open("rb") as stream:
-            return tomllib.load(stream)
-    except OSError as error:
-        raise FormatError(path, f"cannot be read ({error.strerror})") from error
+        return tomllib.loads(read_text(path, MAX_TEXT_BYTES))
     except RecursionError as error:
         raise FormatError(path, "is nested too deeply") from error
-    except ValueError as error:  # bad TOML or bad UTF-8
+    except ValueError as error:
         raise FormatError(path, f"is not TOML ({error})") from error
 
 

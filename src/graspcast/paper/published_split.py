@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import io
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -11,6 +11,7 @@ from numpy import ndarray
 
 from graspcast.errors import FormatError
 from graspcast.estimates.alignment import Estimates
+from graspcast.io.reading import read_bytes
 
 __all__ = ["published_part", "read_split"]
 
@@ -25,8 +26,8 @@ def read_split(path: str | PathLike[str]) -> pl.DataFrame:
     """
     columns = ("principal", "gripper", "dataset", "scene_id", "im_id", "obj_id", "split")
     try:
-        frame = pl.read_csv(Path(path))
-    except (OSError, pl.exceptions.PolarsError) as error:
+        frame = pl.read_csv(io.BytesIO(read_bytes(path)))
+    except pl.exceptions.PolarsError as error:
         raise FormatError(path, f"cannot be read ({str(error).splitlines()[0]})") from error
     missing = [name for name in columns if name not in frame.columns]
     if missing:

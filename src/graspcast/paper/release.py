@@ -23,10 +23,14 @@ from numpy import ndarray
 from graspcast.bop.results import Results, write_results
 from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError, InputError
+from graspcast.io.arrays import read_arrays
 from graspcast.io.json import write_json
+from graspcast.io.reading import read_text
 from graspcast.io.tables import write_table
 
 __all__ = ["Imported", "import_release", "read_add_differences", "read_release"]
+
+_REMEDY = "download it again"
 
 _DATASETS = {"LMO": "lmo", "YCBV": "ycbv"}
 _GRIPPERS = {"Parallel-Gripper": "parallel", "Underactuated-Gripper": "underactuated"}
@@ -81,13 +85,7 @@ class Imported:
 
 def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Yield number and tab-separated fields of each line that is not a comment."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise FormatError(path, f"cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise FormatError(path, "is not UTF-8 text") from error
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
         if line.strip() and not line.startswith("#"):
             yield number, line.split("\t")
 
@@ -100,11 +98,11 @@ def _parse(path: Path, number: int, fields: list[str], *kinds: type) -> list[int
 
 
 def _poses(path: Path) -> tuple[ndarray, ndarray]:
+    arrays = read_arrays(path, _REMEDY, digest=False)
     try:
-        with np.load(path, allow_pickle=False) as data:
-            est, gt = data["T_est"], data["T_gt"]
-    except (OSError, ValueError, KeyError) as error:
-        raise FormatError(path, f"holds no arrays T_est and T_gt ({error})") from error
+        est, gt = arrays["T_est"], arrays["T_gt"]
+    except KeyError as error:
+        raise FormatError(path, "holds no arrays T_est and T_gt") from error
     if est.shape != gt.shape or est.ndim != 3 or est.shape[1:] != (4, 4):
         raise FormatError(path, f"T_est {est.shape} and T_gt {gt.shape} should be (n, 4, 4)")
     return est, gt
@@ -206,11 +204,10 @@ def read_add_differences(
     out = {}
     for path in sorted(folder.glob("dataset-*-add.txt")):
         principal = path.stem.split("-")[1].lower()
-        try:
-            with np.load(path.with_suffix(".npz"), allow_pickle=False) as data:
-                add = data["arr_0"]
-        except (OSError, ValueError, KeyError) as error:
-            raise FormatError(path.with_suffix(".npz"), f"holds no array ({error})") from error
+        arrays = read_arrays(path.with_suffix(".npz"), _REMEDY, digest=False)
+        if "arr_0" not in arrays:
+            raise FormatError(path.with_suffix(".npz"), "holds no array arr_0")
+        add = arrays["arr_0"]
         for number, fields in _lines(path):
             kinds = (str, int, int, int, float, int, int, int, int)
             dataset, scene, image, obj_id, _, *pair, _, _ = _parse(path, number, fields, *kinds)

@@ -16,6 +16,7 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
+from graspcast.io.reading import read_bytes
 from graspcast.perception.crops import Crop, crop_around_box, resample
 from graspcast.perception.estimator import Poses
 
@@ -82,10 +83,7 @@ class Network:
         import onnxruntime
 
         self.path = Path(path or str(files("graspcast.perception") / "weights" / f"{family}.onnx"))
-        try:
-            content = self.path.read_bytes()
-        except OSError as error:
-            raise FormatError(self.path, f"cannot be read ({error.strerror})") from error
+        content = read_bytes(self.path)
         options = onnxruntime.SessionOptions()
         # One thread: sums are in a fixed order, and other processes are not slowed down.
         options.intra_op_num_threads = options.inter_op_num_threads = 1

@@ -25,7 +25,7 @@ import polars as pl
 
 from graspcast.errors import FormatError, InputError, MismatchError
 from graspcast.estimates.outcomes import ERROR_COLUMNS, TRIAL_COLUMNS, TRIAL_SCHEMA
-from graspcast.io.json import read_json, write_json
+from graspcast.io.artefacts import read_artefact, write_artefact
 from graspcast.io.locks import exclusive_lock
 from graspcast.io.tables import read_parquet, write_table
 
@@ -75,7 +75,10 @@ class Store:
         path = self.directory / MANIFEST
         if not path.exists():
             raise FormatError(path, "is missing, so this is not a campaign's directory")
-        manifest: dict[str, Any] = read_json(path, dict)
+        remedy = (
+            f"restore it, or choose a new directory (the outcomes in {self.directory} can be read)"
+        )
+        manifest = read_artefact(path, remedy, parameters=("out",))
         if not isinstance(manifest.get("configuration"), dict):
             raise FormatError(path, "has no configuration, so it is no campaign's manifest")
         return manifest
@@ -99,7 +102,7 @@ class Store:
                     f"{self.directory} holds files but no campaign; choose a new directory",
                     parameters=("out",),
                 )
-            write_json(self.directory / MANIFEST, manifest, indent=1)
+            write_artefact(self.directory / MANIFEST, manifest, indent=1)
         self._tidy()
 
     def _check_same(self, manifest: Mapping[str, Any]) -> None:

@@ -19,6 +19,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -28,6 +29,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
+from graspcast.io.reading import MAX_TEXT_BYTES, check_regular, read_bytes
 from graspcast.io.toml import TomlTable, read_toml
 from graspcast.pose.transforms import transform
 from graspcast.simulation.grippers.protocol import Closing, Equilibrium
@@ -113,12 +115,32 @@ def _section(path: Path, name: str, kind: type[Any], values: dict[str, Any]) -> 
 def _load(model: Path) -> Any:
     import mujoco
 
-    if not model.is_file():
+    if not model.exists():
         raise InputError(f"{model}: there is no such file; the TOML's key 'model' names it")
+    _check_files(model)
     try:
         return mujoco.MjSpec.from_file(str(model))
     except ValueError as error:
         raise FormatError(model, f"is not MJCF that MuJoCo reads: {error}") from error
+
+
+_FILE = re.compile(r"""\bfile\s*=\s*["']([^"']+)""")
+
+
+def _check_files(model: Path) -> None:
+    """Raise unless an MJCF file, and what it includes, are regular files; MuJoCo opens any."""
+    waiting, seen = [model], set()
+    while waiting:
+        path = waiting.pop()
+        if path in seen:
+            continue
+        seen.add(path)
+        if path.suffix.lower() != ".xml" and path != model:
+            check_regular(path)
+            continue
+        named = _FILE.findall(read_bytes(path, MAX_TEXT_BYTES).decode(errors="replace"))
+        near = (model.parent / name for name in named)
+        waiting += [file for file in near if file.exists()]  # MuJoCo tells of missing ones
 
 
 def _compile(spec: Any, model: Path) -> Any:

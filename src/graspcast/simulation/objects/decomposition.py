@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import logging
-import zipfile
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -13,9 +11,9 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from graspcast.errors import InputError
+from graspcast.errors import FormatError, InputError
+from graspcast.io.arrays import read_arrays, write_arrays
 from graspcast.io.cache import cache_directory
-from graspcast.io.files import atomic_write
 from graspcast.io.hashing import canonical_json, sha256
 from graspcast.simulation.objects.types import ConvexPiece
 
@@ -185,25 +183,21 @@ def _digest(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], how: De
 
 def _write(path: Path, pieces: tuple[ConvexPiece, ...]) -> None:
     arrays = {f"{kind}{i}": getattr(p, kind) for i, p in enumerate(pieces) for kind in _KINDS}
-    buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **arrays)
-    with atomic_write(path) as temporary:
-        temporary.write_bytes(buffer.getvalue())
+    write_arrays(path, arrays, compress=False)
 
 
 _KINDS = ("vertices", "faces")
 
 
 def _read(path: Path) -> tuple[ConvexPiece, ...] | None:
-    # The zip container has a CRC of every array, so any damage raises an error.
-    try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            count = len(stored.files) // len(_KINDS)
-            if count == 0:
-                raise ValueError("no pieces")
-            return tuple(ConvexPiece(*(stored[f"{k}{i}"] for k in _KINDS)) for i in range(count))
-    except FileNotFoundError:
+    if not path.exists():
         return None
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    try:
+        stored = read_arrays(path, "remove it")
+        count = len(stored) // len(_KINDS)
+        if count == 0:
+            raise ValueError("no pieces")
+        return tuple(ConvexPiece(*(stored[f"{k}{i}"] for k in _KINDS)) for i in range(count))
+    except (FormatError, ValueError, KeyError) as error:
         _log.warning("%s is damaged (%s) and is computed again", path, error)
         return None

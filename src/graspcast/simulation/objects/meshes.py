@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 from dataclasses import dataclass
 from os import PathLike
@@ -14,6 +15,7 @@ from numpy import ndarray
 
 from graspcast.bop.meshes import Mesh
 from graspcast.errors import FormatError, InputError
+from graspcast.io.reading import read_bytes
 
 __all__ = ["MassProperties", "Unit", "mass_properties", "open_edges", "read_mesh"]
 
@@ -81,16 +83,15 @@ def read_mesh(path: str | PathLike[str], unit: Unit = "auto") -> Mesh:
 def _load(path: Path) -> tuple[ndarray, ndarray]:
     import trimesh
 
+    content = read_bytes(path)
     try:
-        with path.open("rb") as stream:
-            options: Any = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
-            loaded: Any = trimesh.load(
-                stream, file_type=path.suffix[1:].lower(), process=False, force="mesh", **options
-            )
+        options: Any = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
+        kind = path.suffix[1:].lower()
+        loaded: Any = trimesh.load(
+            io.BytesIO(content), file_type=kind, process=False, force="mesh", **options
+        )
         vertices = np.array(loaded.vertices, dtype=np.float64)
         faces = np.array(getattr(loaded, "faces", ()), dtype=np.int64).reshape(-1, 3)
-    except OSError as error:
-        raise FormatError(path, f"cannot be read ({error.strerror})") from error
     except Exception as error:  # trimesh raises whatever its parser met
         raise FormatError(path, f"is not a {path.suffix[1:].upper()} mesh ({error})") from error
     if not len(vertices) or not len(faces):
