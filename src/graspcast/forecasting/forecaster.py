@@ -19,10 +19,7 @@ from graspcast.bop.results import Results
 from graspcast.errors import FormatError, MismatchError
 from graspcast.estimates.alignment import Estimates, align
 from graspcast.forecasting.attribution import attributions
-from graspcast.forecasting.features import (
-    Features,
-    features_of,
-)
+from graspcast.forecasting.features import Features, features_of
 from graspcast.forecasting.model_card import ModelCard
 from graspcast.forecasting.models.add_threshold import Thresholds
 from graspcast.forecasting.models.base import Predictor
@@ -39,6 +36,7 @@ from graspcast.forecasting.verdict import (
     decide,
     verdict_rows,
 )
+from graspcast.forecasting.warm_up import warm_up as _warm_up
 from graspcast.io.files import atomic_write
 
 __all__ = ["KINDS", "Forecaster"]
@@ -71,6 +69,8 @@ class Forecaster:
     novelty: Novelty
     typical: Float[ndarray, " d"]
     """Medians of the training features, the baseline of attributions."""
+
+    warm_up = _warm_up
 
     def __repr__(self) -> str:
         card = self.card
