@@ -7,9 +7,9 @@ lock. So calls from many threads at once, and calls after a fork, are as safe as
 which the threading layers of numba (``parallel=True``) do not offer: ``workqueue`` aborts in the
 first case, GNU's OpenMP in the second.
 
-A kernel is compiled by ``numba.njit(nogil=True)``. It is called ``kernel(start, stop, *arguments)``,
-computes the rows from ``start`` to ``stop`` and writes them into an array among its arguments, so
-a result does not depend on the number of threads.
+A kernel is compiled by ``numba.njit(nogil=True)``, and called ``kernel(start, stop, *arguments)``.
+It computes the rows from ``start`` to ``stop`` and writes them into an array among its arguments,
+so a result does not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ def over_rows(kernel: Callable[..., None], rows: int, row_ns: float, *arguments:
         Of the kernel, after the first row and the one after the last.
     """
     # The processors that this process may use, or the environment variable NUMBA_NUM_THREADS.
-    threads = min(numba.config.NUMBA_NUM_THREADS, rows, int(rows * row_ns / _LEAST_NS))
+    processors: int = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+    threads = min(processors, rows, int(rows * row_ns / _LEAST_NS))
     if threads < 2:
         kernel(0, rows, *arguments)
         return
