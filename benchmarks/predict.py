@@ -1,19 +1,27 @@
 """Speed of a forecaster: import, 10,000 instances, one verdict; file size and training time.
 
-    python benchmarks/predict.py
+    python benchmarks/predict.py [--calls 10000] [--json predict.json] [--latency-only]
 
 Estimates and meshes are synthetic, of realistic size (three estimators, objects of 8,000
 vertices), so no data is needed. Each figure is the best of several runs in this process; the import
-is that of a new one.
+is that of a new one. The latency of single verdicts is that of every call: by a process that is
+alone, beside two processes that never pause, and from eight threads at once. First verdicts are
+those of new processes. What else runs on the machine counts too, but for the time of computing,
+which is the processor time of the calling thread: see the load that is printed.
 """
 
 from __future__ import annotations
 
+import argparse
+import json
+import os
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -67,8 +75,6 @@ def made_up_results(rng: np.random.Generator) -> dict[str, Results]:
 
 
 def made_up_models(folder: Path, rng: np.random.Generator) -> Models:
-    import json
-
     info = {}
     for number in range(1, 5):
         points = rng.normal(scale=40, size=(8000, 3)).astype("<f4")
@@ -82,6 +88,12 @@ def made_up_models(folder: Path, rng: np.random.Generator) -> Models:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description="Speed of a forecaster.")
+    parser.add_argument("--calls", type=int, default=10_000, help="single verdicts that are timed")
+    parser.add_argument("--json", type=Path, help="also write the latencies to this file")
+    parser.add_argument("--latency-only", action="store_true", help="of the default method")
+    args = parser.parse_args()
+    ways = WAYS[:1] if args.latency_only else WAYS
     command = [sys.executable, "-c", "import graspcast"]
     bare = best(lambda: subprocess.run([sys.executable, "-c", ""], check=True), 5)
     print(f"import graspcast: {best(lambda: subprocess.run(command, check=True), 5) - bare:.3f} s")
@@ -96,7 +108,7 @@ def main() -> None:
         estimates = align(tables, dataset="made", anchor="first")
         data = made_up_training_data(estimates, rng).select(np.arange(2000))
         settings = NetworkSettings(optimiser=MlpSettings(epochs=20))
-        for method, features in WAYS:
+        for method, features in ways:
             start = time.perf_counter()
             forecaster = train_forecaster(
                 data, method=method, features=features, settings=settings, models=models
@@ -110,7 +122,12 @@ def main() -> None:
                 f"{file.stat().st_size / 1e6:.2f} MB; loaded in "
                 f"{1000 * best(lambda file=file: Forecaster.load(file), 5):.0f} ms"
             )
-            time_it(forecaster, name, estimates, models, paths)
+            if not args.latency_only:
+                time_it(forecaster, name, estimates, models, paths)
+            if (method, features) == WAYS[0]:
+                figures = latencies(file, models["made"], estimates, args.calls)
+                if args.json:
+                    args.json.write_text(json.dumps(figures, indent=2) + "\n")
 
 
 def made_up_training_data(estimates: Estimates, rng: np.random.Generator) -> TrainingData:
@@ -147,6 +164,89 @@ def time_it(
         f"{name}: {N} instances {best(answer, 3):.2f} s, with reading three CSVs "
         f"{best(whole, 3):.2f} s; one verdict {1000 * best(single, 200):.2f} ms"
     )
+
+
+FIRST = """
+import sys, time
+import numpy as np
+from graspcast import Forecaster
+from graspcast.bop.models import Models
+
+forecaster, models = Forecaster.load(sys.argv[1]), {"made": Models(sys.argv[2])}
+pose = np.eye(4)
+pose[2, 3] = 1.0
+poses = {name: pose + 0 for name in forecaster.card.estimators}
+start = time.perf_counter()
+if sys.argv[3] == "warm":
+    forecaster.warm_up(models)
+warm = time.perf_counter()
+forecaster.predict(poses, "made-1", models=models)
+print(warm - start, time.perf_counter() - warm)
+"""
+
+
+def latencies(file: Path, models: Models, estimates: Estimates, calls: int) -> dict[str, object]:
+    """Time single verdicts one by one, and the first ones of new processes."""
+    forecaster, given = Forecaster.load(file), {"made": models}
+    forecaster.warm_up(given)
+
+    def timed(i: int) -> tuple[float, float, float | None]:
+        poses = dict(zip(estimates.estimators, estimates.cam_T_obj[:, i], strict=True))
+        computed, start = time.thread_time(), time.perf_counter()
+        verdict = forecaster.predict(poses, f"made-{estimates.obj_id[i]}", models=given)
+        stop = time.perf_counter()
+        return stop - start, time.thread_time() - computed, verdict.probability
+
+    def one_by_one() -> list[tuple[float, float, float | None]]:
+        return [timed(i % N) for i in range(calls)]
+
+    found, loads = {}, {}
+    found["alone"], loads["alone"] = one_by_one(), os.getloadavg()[0]
+    with busy_processes(2):
+        found["two busy processes"], loads["two busy processes"] = one_by_one(), os.getloadavg()[0]
+    with ThreadPoolExecutor(8) as pool:
+        found["eight threads"] = list(pool.map(timed, (i % N for i in range(calls))))
+    loads["eight threads"] = os.getloadavg()[0]
+    expected = [probability for *_, probability in found["alone"]]
+    out: dict[str, object] = {"calls": calls}
+    columns = ("p50", "p90", "p99", "max", "cpu p50", "cpu p99", "load")
+    title = f"{calls} verdicts, ms"
+    print(f"{title:23s} " + " ".join(f"{name:>7s}" for name in columns))
+    for name, triples in found.items():
+        assert [probability for *_, probability in triples] == expected, name
+        ms = 1000 * np.array([times for *times, _ in triples])
+        waited, computed = ms.T
+        row = {
+            "p50": float(np.percentile(waited, 50)),
+            "p90": float(np.percentile(waited, 90)),
+            "p99": float(np.percentile(waited, 99)),
+            "max": float(waited.max()),
+            "computing_p50": float(np.percentile(computed, 50)),
+            "computing_p99": float(np.percentile(computed, 99)),
+            "load": loads[name],
+        }
+        print(f"{name:23s} " + " ".join(f"{value:7.2f}" for value in row.values()))
+        out[name] = row
+    for way in ("cold", "warm"):
+        command = [sys.executable, "-c", FIRST, str(file), str(models.directory), way]
+        runs = [subprocess.check_output(command, text=True).split() for _ in range(3)]
+        warming, first = (1000 * min(map(float, times)) for times in zip(*runs, strict=True))
+        print(f"first verdict, {way}: {first:.2f} ms" + f" after {warming:.0f} ms of warm_up()")
+        out[f"first verdict, {way}"] = {"warm_up": warming, "first": first}
+    return out
+
+
+@contextmanager
+def busy_processes(count: int) -> Iterator[None]:
+    """Keep processors busy meanwhile."""
+    command = [sys.executable, "-c", "while True: pass"]
+    processes = [subprocess.Popen(command) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
 
 
 if __name__ == "__main__":

@@ -200,14 +200,14 @@ def _rich(
 
 def _rays(principal: ndarray, supporters: Mapping[str, ndarray], symmetries: ndarray) -> Columns:
     """Compute the columns that ``full`` has beyond ``rich``, of one object."""
-    seen = []
-    for name, supporter in supporters.items():
-        near = nearest_symmetric(compose(invert(principal), supporter), symmetries)
-        seen.append(relative(principal, compose(principal, near)))
-        for kind, part in (("shift", seen[-1][:, :3]), ("turn", seen[-1][:, 3:])):
+    poses = np.stack(list(supporters.values()))
+    near = nearest_symmetric(compose(invert(principal), poses), symmetries)
+    seen = relative(principal, compose(principal, near))
+    for name, differences in zip(supporters, seen, strict=True):
+        for kind, part in (("shift", differences[:, :3]), ("turn", differences[:, 3:])):
             for axis, column in zip("xyz", part.T, strict=True):
                 yield f"{kind}_{axis}.{name}", column
-    middle = np.median(np.stack([np.zeros_like(seen[0]), *seen]), axis=0)
+    middle = np.median(np.concatenate([np.zeros_like(seen[:1]), seen]), axis=0)
     for kind, part in (("shift", middle[:, :3]), ("turn", middle[:, 3:])):
         for axis, column in zip("xyz", part.T, strict=True):
             yield f"mid_{kind}_{axis}", column

@@ -17,10 +17,7 @@ from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
 from graspcast.estimates.alignment import Estimates, align
 from graspcast.forecasting.attribution import attributions
-from graspcast.forecasting.features import (
-    Features,
-    features_of,
-)
+from graspcast.forecasting.features import Features, features_of
 from graspcast.forecasting.model_card import ModelCard
 from graspcast.forecasting.model_file import read_model, write_model
 from graspcast.forecasting.models.base import Predictor
@@ -34,6 +31,7 @@ from graspcast.forecasting.verdict import (
     decide,
     verdict_rows,
 )
+from graspcast.forecasting.warm_up import warm_up as _warm_up
 
 __all__ = ["Forecaster"]
 
@@ -54,6 +52,8 @@ class Forecaster:
     novelty: Novelty
     typical: Float[ndarray, " d"]
     """Medians of the training features, the baseline of attributions."""
+
+    warm_up = _warm_up
 
     def __repr__(self) -> str:
         card = self.card

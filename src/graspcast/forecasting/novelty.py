@@ -227,7 +227,7 @@ def disagreement(
 ) -> Float[ndarray, "n d"]:
     """Return each supporter's pose in the principal's ray frame, large values compressed."""
     pose = estimates.of(principal)
-    seen = [compressed(relative(pose, estimates.of(name))) for name in supporters]
+    seen = compressed(relative(pose, np.stack([estimates.of(name) for name in supporters])))
     return np.concatenate(seen, axis=1)
 
 

@@ -16,9 +16,10 @@ from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float
-from numba import njit, prange
+from numba import njit
 from numpy import ndarray
 
+from graspcast.pose.parallel import over_rows
 from graspcast.pose.transforms import compose, invert, rotation_angle, transform_points
 
 __all__ = [
@@ -34,17 +35,17 @@ __all__ = [
 
 
 _FAST = {"reassoc", "contract", "nsz"}
-_WORTH_THREADS = 200_000
-"""Number of points from which several threads are faster than one."""
+_DISTANCE_NS, _PIXEL_DISTANCE_NS = 1.0, 3.0
+"""About how many nanoseconds a point takes."""
 
 
 @no_type_check
-def _distances(difference, points):
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _distances(start, stop, difference, points, mean, largest):
     """Compute mean and largest length of ``D v + d`` over points v, for each difference [D | d]."""
-    n, count = difference.shape[0], points.shape[1]
-    mean, largest = np.empty(n), np.empty(n)
+    count = points.shape[1]
     x, y, z = points[0], points[1], points[2]
-    for i in prange(n):
+    for i in range(start, stop):
         m = difference[i]
         total, top = 0.0, 0.0
         for j in range(count):
@@ -56,30 +57,25 @@ def _distances(difference, points):
             top = max(top, square)
         mean[i] = total / count
         largest[i] = np.sqrt(top)
-    return mean, largest
-
-
-_distances_serial = njit(cache=True, fastmath=_FAST)(_distances)
-_distances_parallel = njit(parallel=True, cache=True, fastmath=_FAST)(_distances)
 
 
 def _mean_and_largest(
     difference: Float[ndarray, "n 3 4"], points: Float[ndarray, "v 3"]
 ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
-    threads = difference.shape[0] * len(points) > _WORTH_THREADS
-    compiled = _distances_parallel if threads else _distances_serial
-    mean, largest = compiled(np.ascontiguousarray(difference), np.ascontiguousarray(points.T))
+    n = len(difference)
+    mean, largest = np.empty(n), np.empty(n)
+    given = (np.ascontiguousarray(difference), np.ascontiguousarray(points.T))
+    over_rows(_distances, n, _DISTANCE_NS * len(points), *given, mean, largest)
     return mean, largest
 
 
 @no_type_check
-@njit(parallel=True, cache=True, fastmath=_FAST)
-def _largest_pixel_distance(first, second, points):
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _largest_pixel_distance(start, stop, first, second, points, out):
     """Compute the largest distance of projections by 3x4 matrices first[i] and second[i, s]."""
-    n, symmetries, count = second.shape[0], second.shape[1], points.shape[1]
-    out = np.empty((n, symmetries))
+    symmetries, count = second.shape[1], points.shape[1]
     x, y, z = points[0], points[1], points[2]
-    for i in prange(n):
+    for i in range(start, stop):
         p = first[i]
         for s in range(symmetries):
             q = second[i, s]
@@ -93,7 +89,6 @@ def _largest_pixel_distance(first, second, points):
                 v -= (q[1, 0] * x[j] + q[1, 1] * y[j] + q[1, 2] * z[j] + q[1, 3]) / depth
                 top = max(top, u * u + v * v)
             out[i, s] = np.sqrt(top)
-    return out
 
 
 def nearest_symmetric(
@@ -193,4 +188,8 @@ def mspd(
     """Compute MSPD, the maximum symmetry-aware projection distance, pixels of the camera ``K``."""
     first = K @ cam_T_est[:, :3]
     second = K[:, None] @ (cam_T_gt[:, None] @ symmetries)[..., :3, :]
-    return _largest_pixel_distance(first, second, np.ascontiguousarray(points.T)).min(axis=1)
+    out = np.empty(second.shape[:2])
+    row_ns = _PIXEL_DISTANCE_NS * len(points) * len(symmetries)
+    given = (first, second, np.ascontiguousarray(points.T))
+    over_rows(_largest_pixel_distance, len(out), row_ns, *given, out)
+    return out.min(axis=1)

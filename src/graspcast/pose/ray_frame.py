@@ -33,7 +33,11 @@ def ray_frame(cam_T_obj: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch
     side = np.where(along_x, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
     x = side - z * np.sum(side * z, axis=-1, keepdims=True)
     x /= np.linalg.norm(x, axis=-1, keepdims=True)
-    return np.stack([x, np.cross(z, x), z], axis=-1)
+    out = np.empty((*z.shape, 3))
+    out[..., 0], out[..., 2] = x, z
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # the cross product of z and x
+        out[..., i, 1] = z[..., j] * x[..., k] - z[..., k] * x[..., j]
+    return out
 
 
 def obj_R_ray(cam_T_obj: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 3 3"]:
@@ -42,7 +46,7 @@ def obj_R_ray(cam_T_obj: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch
 
 
 def relative(
-    cam_T_obj: Float[ndarray, "*batch 4 4"], other: Float[ndarray, "*batch 4 4"]
+    cam_T_obj: Float[ndarray, "*#batch 4 4"], other: Float[ndarray, "*#batch 4 4"]
 ) -> Float[ndarray, "*batch 6"]:
     """Express another pose of the same object in this pose's ray frame.
 

@@ -86,15 +86,17 @@ def quaternion(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch
     # Rows of 4 q q^T, one for each choice of the leading component.
     a, b, c = r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]
     d, e, f = r[..., 1, 0] + r[..., 0, 1], r[..., 0, 2] + r[..., 2, 0], r[..., 2, 1] + r[..., 1, 2]
-    outer = np.stack(
+    outer = np.empty((*r.shape[:-2], 4, 4), r.dtype)
+    for i, row in enumerate(
         [
-            np.stack([1 + d0 + d1 + d2, a, b, c], axis=-1),
-            np.stack([a, 1 + d0 - d1 - d2, d, e], axis=-1),
-            np.stack([b, d, 1 - d0 + d1 - d2, f], axis=-1),
-            np.stack([c, e, f, 1 - d0 - d1 + d2], axis=-1),
-        ],
-        axis=-2,
-    )
+            [1 + d0 + d1 + d2, a, b, c],
+            [a, 1 + d0 - d1 - d2, d, e],
+            [b, d, 1 - d0 + d1 - d2, f],
+            [c, e, f, 1 - d0 - d1 + d2],
+        ]
+    ):
+        for j, column in enumerate(row):
+            outer[..., i, j] = column
     leading = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
     q: ndarray = np.take_along_axis(outer, leading[..., None, None], axis=-2)[..., 0, :]
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)

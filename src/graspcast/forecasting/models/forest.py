@@ -14,10 +14,15 @@ from typing import Any, no_type_check
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
-from numba import njit, prange
+from numba import njit
 from numpy import ndarray
 
-__all__ = ["Forest", "flatten", "walk"]
+from graspcast.pose.parallel import over_rows
+
+__all__ = ["WALK_NS", "Forest", "flatten", "walk"]
+
+WALK_NS = 60.0
+"""About how many nanoseconds a row takes through a tree."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,12 +57,17 @@ class Forest:
     def mean(self, rows: Float[ndarray, "n d"]) -> Float[ndarray, " n"]:
         """Predict each row: the mean of the trees' predictions."""
         self.check_rows(rows)
-        return _mean(np.ascontiguousarray(rows, np.float32), *self.arrays())
+        return self._over(rows, _mean, np.empty(len(rows)))
 
     def leaves(self, rows: Float[ndarray, "n d"]) -> Int[ndarray, "n trees"]:
         """Return the number, within its tree, of the leaf that each row reaches."""
         self.check_rows(rows)
-        return _leaves(np.ascontiguousarray(rows, np.float32), *self.arrays())
+        return self._over(rows, _leaves, np.empty((len(rows), self.trees), np.int32))
+
+    def _over(self, rows: ndarray, kernel: Any, out: ndarray) -> ndarray:
+        given = np.ascontiguousarray(rows, np.float32)
+        over_rows(kernel, len(rows), WALK_NS * self.trees, given, *self.arrays(), out)
+        return out
 
     def arrays(self) -> tuple[ndarray, ...]:
         """Return its arrays, in the order of the attributes."""
@@ -167,22 +177,18 @@ def walk(row, node, feature, threshold, right):
 
 
 @no_type_check
-@njit(cache=True, parallel=True)
-def _mean(rows, feature, threshold, right, value, roots):
-    out = np.empty(len(rows))
-    for i in prange(len(rows)):
+@njit(cache=True, nogil=True)
+def _mean(start, stop, rows, feature, threshold, right, value, roots, out):
+    for i in range(start, stop):
         total = 0.0
         for tree in range(len(roots) - 1):
             total += value[walk(rows[i], roots[tree], feature, threshold, right)]
         out[i] = total / (len(roots) - 1)
-    return out
 
 
 @no_type_check
-@njit(cache=True, parallel=True)
-def _leaves(rows, feature, threshold, right, value, roots):
-    out = np.empty((len(rows), len(roots) - 1), dtype=np.int32)
-    for i in prange(len(rows)):
+@njit(cache=True, nogil=True)
+def _leaves(start, stop, rows, feature, threshold, right, value, roots, out):
+    for i in range(start, stop):
         for tree in range(len(roots) - 1):
             out[i, tree] = right[walk(rows[i], roots[tree], feature, threshold, right)]
-    return out

@@ -21,10 +21,11 @@ from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from numba import njit, prange
+from numba import njit
 from numpy import ndarray
 
-from graspcast.forecasting.models.forest import Forest, flatten, walk
+from graspcast.forecasting.models.forest import WALK_NS, Forest, flatten, walk
+from graspcast.pose.parallel import over_rows
 from graspcast.pose.ray_frame import compressed
 from graspcast.pose.transforms import rotation_vector
 
@@ -219,7 +220,11 @@ def expected_success(
         all trees take part.
     """
     errors.forest.check_rows(features)
-    return _expected(
+    out = np.empty(len(features))
+    over_rows(
+        _expected,
+        len(features),
+        WALK_NS * draws * (1 + trees),
         np.ascontiguousarray(features, np.float32),
         np.ascontiguousarray(axes, np.float64),
         np.ascontiguousarray(distance, np.float64),
@@ -233,7 +238,9 @@ def expected_success(
         success_given_error.objects,
         _places(draws),
         min(trees, success_given_error.forest.trees),
+        out,
     )
+    return out
 
 
 @no_type_check
@@ -250,16 +257,15 @@ def _exp(v, out):
 
 
 @no_type_check
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def _expected(
-    rows, axes, distance, numbers,
+    start, stop, rows, axes, distance, numbers,
     feature, threshold, right, value, roots, first, offset, members, truth,
-    s_feature, s_threshold, s_right, s_value, s_roots, objects, places, trees_a_draw,
+    s_feature, s_threshold, s_right, s_value, s_roots, objects, places, trees_a_draw, out,
 ):  # fmt: skip
     trees, s_trees, draws = len(roots) - 1, len(s_roots) - 1, len(places)
     stride = max(1, s_trees // trees_a_draw)
-    out = np.empty(len(rows))
-    for i in prange(len(rows)):
+    for i in range(start, stop):
         inputs = np.zeros((draws, 8 + objects), dtype=np.float32)
         inputs[:, 8 + numbers[i]] = 1.0
         turn = np.empty((3, 3))
@@ -292,4 +298,3 @@ def _expected(
                 total += s_value[node]
                 count += 1
         out[i] = total / count
-    return out
