@@ -126,14 +126,15 @@ class Novelty:
         folds
             Folds of scenes for out-of-fold scores; scenes are assigned to them in turn.
         """
-        rows = disagreement(estimates, principal, estimates.supporters(principal))
+        by = disagreement(estimates, principal, estimates.supporters(principal))
+        rows = _rows(by)
         fold_of = fold_numbers(scene_groups(estimates.instances), folds)
         scores = np.empty(len(rows))
         for fold in range(fold_of.max() + 1):
             test = fold_of == fold
             train = test if test.all() else ~test
             scores[test] = _distance(rows[test], *_shape(rows[train]))
-        sizes = _sizes(estimates, principal, estimates.supporters(principal), diameter_m)
+        sizes = _sizes(by, estimates.of(principal), diameter_m)
         limits = np.fmax.reduce(sizes, axis=0) * max(1.0, 2 / (OOD_ALPHA * len(rows)))
         often = np.nan_to_num(np.quantile(sizes[:, :, 2], _OFTEN, axis=0), nan=0.0)
         limits[:, 2] = np.fmin(limits[:, 2], np.maximum(_LARGEST_SHIFT, often))
@@ -163,8 +164,9 @@ class Novelty:
             The objects' diameters, metres, NaN where unknown, (n,).
         """
         smallest = self.smallest_p_value
-        values = self.p_value(estimates, principal, supporters).tolist()
-        sizes = _sizes(estimates, principal, supporters, diameter_m)
+        by = disagreement(estimates, principal, supporters)
+        values = self._p_value(by).tolist()
+        sizes = _sizes(by, estimates.of(principal), diameter_m)
         out = [Disagreement(value, smallest) for value in values]
         above = sizes > self.limits
         for i in np.flatnonzero(above.any(axis=(1, 2))).tolist():
@@ -181,8 +183,10 @@ class Novelty:
         self, estimates: Estimates, principal: str, supporters: Sequence[str]
     ) -> Float[ndarray, " n"]:
         """Compute the conformal p-value of each instance's disagreement; small means novel."""
-        rows = disagreement(estimates, principal, supporters)
-        score = _distance(rows, self.centre, self.precision)
+        return self._p_value(disagreement(estimates, principal, supporters))
+
+    def _p_value(self, by: Float[ndarray, "s n 6"]) -> Float[ndarray, " n"]:
+        score = _distance(_rows(by), self.centre, self.precision)
         at_least = len(self.scores) - np.searchsorted(self.scores, score, side="left")
         return (at_least + 1) / (len(self.scores) + 1)
 
@@ -202,33 +206,31 @@ class Novelty:
         return out
 
 
+def disagreement(
+    estimates: Estimates, principal: str, supporters: Sequence[str]
+) -> Float[ndarray, "s n 6"]:
+    """Return each supporter's pose in the principal's ray frame."""
+    others = np.stack([estimates.of(name) for name in supporters])
+    return relative(estimates.of(principal), others)
+
+
+def _rows(by: Float[ndarray, "s n 6"]) -> Float[ndarray, "n d"]:
+    """Return the disagreements on each instance in one row, large values compressed."""
+    return np.concatenate(compressed(by), axis=1)
+
+
 def _sizes(
-    estimates: Estimates,
-    principal: str,
-    supporters: Sequence[str],
+    by: Float[ndarray, "s n 6"],
+    cam_T_obj: Float[ndarray, "n 4 4"],
     diameter_m: Float[ndarray, " n"] | None,
 ) -> Float[ndarray, "n s 4"]:
     """Return the magnitudes of each supporter's disagreement that :attr:`Novelty.limits` bounds."""
-    pose = estimates.of(principal)
-    distance = np.linalg.norm(pose[:, :3, 3], axis=1)
-    size = np.full(len(pose), np.nan) if diameter_m is None else diameter_m
-    out = np.empty((len(pose), len(supporters), 4))
-    for s, name in enumerate(supporters):
-        by = relative(pose, estimates.of(name))
-        out[:, s, 0] = np.linalg.norm(by[:, :2], axis=1)
-        out[:, s, 1] = np.abs(by[:, 2])
-        out[:, s, 2] = np.linalg.norm(by[:, :3], axis=1) * distance / size
-        out[:, s, 3] = np.linalg.norm(by[:, 3:], axis=1)
-    return out
-
-
-def disagreement(
-    estimates: Estimates, principal: str, supporters: Sequence[str]
-) -> Float[ndarray, "n d"]:
-    """Return each supporter's pose in the principal's ray frame, large values compressed."""
-    pose = estimates.of(principal)
-    seen = compressed(relative(pose, np.stack([estimates.of(name) for name in supporters])))
-    return np.concatenate(seen, axis=1)
+    distance = np.linalg.norm(cam_T_obj[:, :3, 3], axis=1)
+    size = np.full(len(cam_T_obj), np.nan) if diameter_m is None else diameter_m
+    across, along = np.hypot(by[..., 0], by[..., 1]), np.abs(by[..., 2])
+    apart = np.hypot(across, along) * distance / size
+    sizes = np.stack([across, along, apart, np.linalg.norm(by[..., 3:], axis=-1)], axis=-1)
+    return np.swapaxes(sizes, 0, 1)
 
 
 def _shape(rows: Float[ndarray, "n d"]) -> tuple[Float[ndarray, " d"], Float[ndarray, "d d"]]:
