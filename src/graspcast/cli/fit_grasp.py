@@ -84,7 +84,7 @@ def _trials_of(options: argparse.Namespace) -> tuple[ObservedTrials, dict[str, P
     trials = observed_trials(
         inputs.results, inputs.datasets, load_outcomes(options.outcomes, names)
     )
-    note(*inputs.notes)
+    note(*inputs.notes, *inputs.lengths)
     return trials, {name: dataset.root for name, dataset in inputs.datasets.items()}
 
 

@@ -86,7 +86,7 @@ def _predict(options: argparse.Namespace) -> None:
         explain=options.explain,
     )
     write_verdicts(options.out, rows)
-    note(*inputs.notes)
+    note(*inputs.notes, *inputs.lengths)
     attempts = sum(row.verdict.attempt for row in rows)
     unusual = sum(row.verdict.out_of_distribution for row in rows)
     print_text(

@@ -20,6 +20,7 @@ __all__ = [
     "distance_reference",
     "is_placeholder",
     "pose_problems",
+    "rotation_problem",
 ]
 
 MAX_ROTATION_DEVIATION = 0.02
@@ -100,14 +101,15 @@ def _problem(pose: Float[ndarray, "4 4"], diameter_m: float) -> str:
         )
     if is_placeholder(pose):
         return "lies at the camera's centre: a placeholder for 'nothing found'"
-    if problem := _rotation_problem(pose[:3, :3]):
+    if problem := rotation_problem(pose[:3, :3]):
         return problem
     if pose[2, 3] <= 0:
         return f"lies behind the camera (z = {pose[2, 3]:.3g} m)"
     return _distance_problem(float(np.linalg.norm(pose[:3, 3])), diameter_m)
 
 
-def _rotation_problem(R: Float[ndarray, "3 3"]) -> str:
+def rotation_problem(R: Float[ndarray, "3 3"]) -> str:
+    """Say why a matrix is no rotation, or nothing."""
     U, scales, Vt = np.linalg.svd(R)
     if np.linalg.det(R) < 0:
         return "has a mirrored rotation (determinant below 0)"
