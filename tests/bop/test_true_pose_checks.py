@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from graspcast.bop.true_pose_checks import check_true_poses
+from graspcast.bop.true_pose_checks import check_outlines, check_true_poses
 from graspcast.errors import FormatError
 from poses import random_poses
 
@@ -55,3 +55,26 @@ def test_objects_behind_the_camera_are_named_unless_they_are_few_and_unseen() ->
     assert check(R, one) == ""
     assert check(R, one, np.zeros(8)) == ""
     assert "image 2, object 1: the object is behind the camera" in check(R, one, np.full(8, 0.3))
+
+
+def test_outlines_are_those_of_the_objects_where_all_is_known() -> None:
+    keys = np.stack([np.ones(8, dtype=int), np.arange(8), np.ones(8, dtype=int)], axis=1)
+    boxes = np.concatenate([np.zeros((8, 2)), np.full((8, 2), 50.0)], axis=1)
+
+    def check_depth(depth: float, boxes: np.ndarray = boxes, focal: float = 600.0) -> None:
+        check_outlines(
+            "gt",
+            keys,
+            np.full(8, depth),
+            np.full(8, 0.9),
+            boxes,
+            diameters_m={1: 0.1},
+            focal_px=lambda scene_id, im_id: focal,
+        )
+
+    check_depth(1.0)
+    with pytest.raises(FormatError, match=r"gt: the median depth .* is 100 mm, but boxes of 50"):
+        check_depth(0.1)
+    check_depth(0.1, focal=np.nan)
+    check_depth(0.1, np.full((8, 4), np.nan))
+    check_depth(0.1, np.full((8, 4), -1.0))

@@ -11,6 +11,7 @@ from graspcast.bop.unit_checks import (
     distance_problem,
     mesh_problem,
     models_problem,
+    outline_problem,
     ratio_problem,
     symmetry_problem,
 )
@@ -136,3 +137,15 @@ def test_matrices_that_are_no_intrinsics_in_pixels_are_named(matrix: np.ndarray,
     said = camera_problem(np.asarray(matrix), (640, 480))
     assert says in said
     assert bool(says) == bool(said)
+
+
+@pytest.mark.parametrize("unit", OTHERS)
+def test_depths_must_fit_the_size_in_the_images(unit: str) -> None:
+    focal = np.full(3, 600.0)
+    boxes = 0.8 * focal * DIAMETER / DISTANCE
+    assert outline_problem(DISTANCE, boxes, DIAMETER, focal) == ""
+    said = outline_problem(read_as_mm(DISTANCE, unit), boxes, DIAMETER, focal)
+    assert suggested(said) == UNIT_NAMES[unit]
+    assert "a focal length of 600 pixels and diameters of 110 mm make it at most 1.00 m" in said
+    said = outline_problem(DISTANCE, boxes, read_as_mm(DIAMETER, unit), focal)
+    assert "the median depth of cam_t_m2c is 0.80 m, but boxes of" in said

@@ -20,10 +20,10 @@ from graspcast.bop.images import find_images, read_image
 from graspcast.bop.models import Models
 from graspcast.bop.rotations import checked_rotations
 from graspcast.bop.summary import summary
-from graspcast.bop.true_pose_checks import check_true_poses
+from graspcast.bop.true_pose_checks import check_outlines, check_true_poses
 from graspcast.bop.unit_checks import camera_problem
 from graspcast.bop.units import metres
-from graspcast.errors import FormatError, InputError
+from graspcast.errors import FormatError, GraspcastError, InputError
 from graspcast.io.json import by_identifier, identifier, numbers, read_json, require
 from graspcast.pose.transforms import transform
 
@@ -290,7 +290,26 @@ class BopDataset:
         """All ground-truth poses of the split, compared with the models where there are some."""
         has_models = any((self.root / f / "models_info.json").is_file() for f in _MODELS)
         info = self.models.info if has_models else {}
-        return read_ground_truth(self.scenes, {i: model.diameter_m for i, model in info.items()})
+        diameters = {i: model.diameter_m for i, model in info.items()}
+        truth = read_ground_truth(self.scenes, diameters)
+        if truth.box_xywh is not None:
+            check_outlines(
+                truth.source,
+                np.stack([truth.scene_id, truth.im_id, truth.obj_id], axis=1),
+                truth.cam_T_obj[:, 2, 3],
+                truth.visib_fract,
+                truth.box_xywh,
+                diameters_m=diameters,
+                focal_px=self._focal_length,
+            )
+        return truth
+
+    def _focal_length(self, scene_id: int, im_id: int) -> float:
+        """Return an image's focal length in pixels, NaN if its camera is unknown or wrong."""
+        try:
+            return float(self.camera_of(scene_id, im_id).K[0, 0])
+        except GraspcastError:
+            return float("nan")
 
     @cached_property
     def camera(self) -> Camera:

@@ -19,6 +19,7 @@ __all__ = [
     "distance_problem",
     "mesh_problem",
     "models_problem",
+    "outline_problem",
     "ratio_problem",
     "symmetry_problem",
 ]
@@ -119,6 +120,44 @@ def ratio_problem(
     )
     what = f"the median distance of these objects in {mine}"
     return _problem(what, median * ratio, reference)
+
+
+def outline_problem(
+    depth_m: Float[ndarray, " n"],
+    box_px: Float[ndarray, " n"],
+    diameter_m: Float[ndarray, " n"],
+    focal_px: Float[ndarray, " n"],
+) -> str:
+    """Say how the depths of objects contradict how large they are in the images.
+
+    Parameters
+    ----------
+    depth_m
+        Depths, metres, as read in millimetres.
+    box_px
+        Longer sides of the objects' bounding boxes, pixels.
+    diameter_m, focal_px
+        Diameters, and focal lengths of the images.
+
+    Returns
+    -------
+        The problem, with both numbers and the unit that would fit; empty if there is none.
+    """
+    if not len(depth_m):
+        return ""
+    # A silhouette is about as long as the diameter, and at an unfavourable view much shorter.
+    implied = focal_px * diameter_m / box_px
+    ratio, median = float(np.median(depth_m / implied)), float(np.median(depth_m))
+    expected = median / ratio
+    reference = Reference(
+        f"boxes of {float(np.median(box_px)):.0f} pixels (bbox_obj), a focal length of "
+        f"{float(np.median(focal_px)):.0f} pixels and diameters of "
+        f"{shown(float(np.median(diameter_m)))} make it at most {shown(expected)}",
+        0.25 * expected,
+        1.7 * expected,
+        usual_m=(0.4 * expected, 1.2 * expected),
+    )
+    return _problem("the median depth of cam_t_m2c", median, reference)
 
 
 def models_problem(diameter_m: Float[ndarray, " n"]) -> str:
