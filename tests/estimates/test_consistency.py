@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from graspcast.bop.models import Models
 from graspcast.bop.results import Results, write_results
 from graspcast.cli import main
 from graspcast.errors import FormatError, MismatchError
-from graspcast.estimates.consistency import check_pairs, check_results, check_tables
+from graspcast.estimates.consistency import check_pairs, check_tables
 from graspcast.estimates.loading import load_inputs
 from graspcast.pose.lengths import METRES, UNIT_NAMES
-from poses import nudged, random_poses, results_of, write_models
+from poses import nudged, random_poses, results_of
 
 UNITS = [unit for unit in METRES if unit != "mm"]
 TRUTH = random_poses(12, 7)
@@ -125,12 +124,6 @@ def test_a_bad_estimator_is_no_contradiction() -> None:
     bad = random_poses(12, 99)
     bad[:, :3, 3] *= rng.uniform(0.5, 2.0, (12, 1))
     check_pairs("a.csv", bad, "the truth", TRUTH)
-
-
-def test_objects_without_a_model_are_not_compared(tmp_path: Path) -> None:
-    models = Models(write_models(tmp_path, obj_1={}))
-    check_results(results_of(TRUTH, obj_id=5), models)
-    check_results(results_of(np.empty((0, 4, 4))), models)
 
 
 def test_the_published_estimates_pass(data_dir: Path) -> None:

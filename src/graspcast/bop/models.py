@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.bop.meshes import Mesh, read_mesh
@@ -18,6 +18,7 @@ from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
 from graspcast.bop.summary import counted
 from graspcast.bop.unit_checks import (
     diameter_problem,
+    distance_problem,
     mesh_problem,
     models_problem,
     symmetry_problem,
@@ -26,6 +27,7 @@ from graspcast.bop.units import metres
 from graspcast.errors import FormatError, UnknownNameError
 from graspcast.io.json import by_identifier, numbers, read_json, require
 from graspcast.pose.lengths import between
+from graspcast.pose.sanity import is_placeholder
 from graspcast.pose.transforms import rotation_from_vector, transform
 
 __all__ = ["ContinuousSymmetry", "ModelInfo", "Models", "read_models_info"]
@@ -254,6 +256,30 @@ class Models:
         except FormatError:
             return
         self._check(smallest, mesh)
+
+    def check_distances(
+        self, source: str, obj_id: Int[ndarray, " n"], cam_T_obj: Float[ndarray, "n 4 4"]
+    ) -> None:
+        """Raise unless estimates are as far away as objects of these diameters can be seen.
+
+        Parameters
+        ----------
+        source
+            Where the estimates came from, for messages.
+        obj_id, cam_T_obj
+            Objects and their poses; placeholders and objects without a model are left out.
+
+        Raises
+        ------
+        FormatError
+            Naming both medians and the unit that would fit.
+        """
+        there = ~is_placeholder(cam_T_obj)
+        sizes = {number: info.diameter_m for number, info in self.info.items()}
+        diameters = np.array([sizes.get(number, np.nan) for number in obj_id[there].tolist()])
+        distances = np.linalg.norm(cam_T_obj[there, :3, 3], axis=1)
+        if problem := distance_problem("t", distances, diameters):
+            raise FormatError(source, problem, parameters=("estimates", "bop"))
 
     @property
     def lengths(self) -> str:

@@ -13,32 +13,17 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
-from graspcast.bop.unit_checks import distance_problem, ratio_problem
-from graspcast.errors import FormatError, MismatchError
+from graspcast.bop.unit_checks import ratio_problem
+from graspcast.errors import MismatchError
 from graspcast.pose.lengths import between
 from graspcast.pose.sanity import is_placeholder
 
-__all__ = ["check_pairs", "check_results", "check_tables", "describe_lengths"]
+__all__ = ["check_pairs", "check_tables", "describe_lengths"]
 
 _TRANSPOSED = (60.0, 20.0)
 """Median angles between rotations as they are, from, and with one transposed, up to; degrees."""
 
 _FEWEST_ROTATIONS = 3
-
-
-def check_results(results: Results, models: Models) -> None:
-    """Raise unless the distances of estimates fit the diameters of their objects.
-
-    Raises
-    ------
-    FormatError
-        Naming both medians and the unit that would fit.
-    """
-    there = ~is_placeholder(results.cam_T_obj)
-    sizes = {number: info.diameter_m for number, info in models.info.items()}
-    diameters = np.array([sizes.get(number, np.nan) for number in results.obj_id.tolist()])
-    if problem := distance_problem("t", _distance(results.cam_T_obj)[there], diameters[there]):
-        raise FormatError(results.source, problem, parameters=("estimates", "bop"))
 
 
 def check_pairs(
@@ -88,14 +73,15 @@ def check_tables(tables: Mapping[str, Results], models: Models | None) -> None:
     Raises
     ------
     FormatError
-        As :func:`check_results`.
+        As :meth:`graspcast.bop.models.Models.check_distances`, or if ``models_info.json``
+        contradicts a mesh.
     MismatchError
         As :func:`check_pairs`.
     """
     if models is not None:
         models.check_a_mesh()
         for table in tables.values():
-            check_results(table, models)
+            models.check_distances(table.source, table.obj_id, table.cam_T_obj)
     single = {name: _single(table) for name, table in tables.items()}
     for mine, other in combinations(tables, 2):
         pairs = single[mine].join(single[other], on=["scene_id", "im_id", "obj_id"])
@@ -107,10 +93,19 @@ def check_tables(tables: Mapping[str, Results], models: Models | None) -> None:
         )
 
 
-def describe_lengths(name: str, dataset: BopDataset | None, tables: Mapping[str, Results]) -> str:
+def describe_lengths(
+    name: str, dataset: BopDataset | None, estimates: Mapping[str, Float[ndarray, "n 4 4"]]
+) -> str:
     """Return in one line how large the objects of a dataset are read, and how far away.
 
     Distances are those between which nine of ten lie. Ground truth is named where it was read.
+
+    Parameters
+    ----------
+    name, dataset
+        The dataset's name, and its directory if it is known.
+    estimates
+        Estimator's name to its poses.
     """
     parts = []
     if dataset is not None and "models" in vars(dataset):
@@ -118,10 +113,10 @@ def describe_lengths(name: str, dataset: BopDataset | None, tables: Mapping[str,
     distances = []
     if dataset is not None and "ground_truth" in vars(dataset) and len(dataset.ground_truth):
         distances.append(f"ground truth {_spread(dataset.ground_truth.cam_T_obj)}")
-    for estimator, table in tables.items():
-        poses = table.cam_T_obj[~is_placeholder(table.cam_T_obj)]
-        if len(poses):
-            distances.append(f"{estimator} {_spread(poses)}")
+    for estimator, poses in estimates.items():
+        found = poses[~is_placeholder(poses)]
+        if len(found):
+            distances.append(f"{estimator} {_spread(found)}")
     if distances:
         parts.append(f"nine of ten distances: {', '.join(distances)}")
     return f"{name}: {'; '.join(parts)}" if parts else ""

@@ -57,7 +57,9 @@ class Inputs:
     def lengths(self) -> list[str]:
         """How large objects were read and how far away, one line for each dataset."""
         lines = [
-            describe_lengths(name, self.datasets.get(name), tables)
+            describe_lengths(
+                name, self.datasets.get(name), {e: table.cam_T_obj for e, table in tables.items()}
+            )
             for name, tables in self.results.items()
         ]
         return [line for line in lines if line]
