@@ -10,7 +10,7 @@ import pytest
 
 from graspcast.bop.results import Results, write_results
 from graspcast.cli import main
-from graspcast.errors import FormatError, MismatchError
+from graspcast.errors import FormatError, InputError, MismatchError
 from graspcast.estimates.consistency import check_pairs, check_tables
 from graspcast.estimates.loading import load_inputs
 from graspcast.pose.lengths import METRES, UNIT_NAMES
@@ -151,3 +151,14 @@ def test_placeholders_are_left_out() -> None:
     check_pairs("a.csv", poses, "the truth", TRUTH)
     table: Results = results_of(poses)
     check_tables({"a": table, "b": results_of(TRUTH)}, None)
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_true_poses_in_another_unit_are_refused_where_they_are_learned_from(
+    tmp_path: Path, unit: str
+) -> None:
+    write_kit(tmp_path, truth=unit)
+    files = {name: tmp_path / f"{name}_kit-test.csv" for name in "ab"}
+    inputs = load_inputs(files, bop=[tmp_path / "kit"])
+    with pytest.raises(InputError, match=rf"scene_gt\.json: the median .* in {UNIT_NAMES[unit]}"):
+        inputs.truth(inputs.estimates("a"), "a")
