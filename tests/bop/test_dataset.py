@@ -96,9 +96,10 @@ def test_cameras(tmp_path: Path) -> None:
     assert dataset.camera.depth_scale_m == 0.0001
     assert dataset.camera_of(1, 3) is dataset.camera
     (folder / "scene_camera.json").write_text(
-        json.dumps({"3": {"cam_K": [1, 0, 2, 0, 3, 4, 0, 0, 1]}})
+        json.dumps({"3": {"cam_K": [400, 0, 200, 0, 300, 150, 0, 0, 1]}})
     )
-    assert_array_equal(BopDataset(tmp_path).camera_of(1, 3).K, [[1, 0, 2], [0, 3, 4], [0, 0, 1]])
+    own = [[400, 0, 200], [0, 300, 150], [0, 0, 1]]
+    assert_array_equal(BopDataset(tmp_path).camera_of(1, 3).K, own)
     assert BopDataset(tmp_path).camera_of(1, 99).K[0, 0] == 500
 
 

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from graspcast.bop.models import Models, read_models_info
 from graspcast.errors import FormatError, UnknownNameError
-from poses import write_models
+from poses import random_poses, write_models
 
 
 def test_models_and_symmetries(tmp_path: Path) -> None:
@@ -79,3 +79,44 @@ def test_published_meshes_have_the_published_extents(data_dir: Path) -> None:
             vertices = models.mesh(obj_id).vertices
             assert_allclose(vertices.min(axis=0), info.lower, atol=3e-4)
             assert_allclose(np.ptp(vertices, axis=0), info.size, atol=3e-4)
+
+
+def test_contradicting_lengths_are_named(tmp_path: Path) -> None:
+    write_models(tmp_path, obj_1={"diameter": 12.3})
+    with pytest.raises(FormatError, match=r"object 1: the diameter is 12\.3 mm, but"):
+        Models(tmp_path)
+    small = {f"{key}_{axis}": value for axis in "xyz" for key, value in (("min", 0), ("size", 10))}
+    models = Models(write_models(tmp_path, obj_1=small | {"diameter": 12.3}))
+    for read in (models.check_a_mesh, lambda: models.mesh(1)):
+        with pytest.raises(
+            FormatError, match=r"12\.3 mm, but the mesh's longest side is 100 mm; .* centimetres"
+        ):
+            read()
+    axis = {"axis": [0, 0, 1], "offset": [500, 0, 0]}
+    write_models(tmp_path, obj_1={"symmetries_continuous": [axis]})
+    with pytest.raises(FormatError, match=r"offset: moves the object's centre by 1\.00 m"):
+        Models(tmp_path)
+
+
+def test_a_mesh_is_compared_where_there_is_one(tmp_path: Path) -> None:
+    models = Models(write_models(tmp_path, obj_1={}, obj_2={}))
+    assert models.lengths == "123 mm across (by models_info.json)"
+    models.check_a_mesh()
+    assert models.lengths == "123 mm across (models_info.json; 1 mesh agrees)"
+    models.mesh(1)
+    models.mesh(2)
+    assert models.lengths == "123 mm across (models_info.json; 2 meshes agree)"
+    (tmp_path / "obj_000001.ply").write_text("no mesh")
+    Models(tmp_path).check_a_mesh()  # whoever needs it says so
+
+
+def test_distances_of_estimates_are_compared_with_diameters(tmp_path: Path) -> None:
+    models = Models(write_models(tmp_path, obj_1={}))
+    poses, ones = random_poses(6, 1), np.ones(6, dtype=int)
+    models.check_distances("a.csv", ones, poses)
+    wrong = poses.copy()
+    wrong[:, :3, 3] /= 10
+    with pytest.raises(FormatError, match=r"a\.csv: the median distance of t is .* in centimetres"):
+        models.check_distances("a.csv", ones, wrong)
+    models.check_distances("a.csv", ones + 4, wrong)  # no model of it
+    models.check_distances("a.csv", ones[:0], poses[:0])

@@ -208,7 +208,7 @@ def test_poses_in_metres_and_no_time(some: Results) -> None:
         ({"score": [0.5, None]}, "row 1: score is None, but should be a finite number"),
         ({"t": [[0, 0, 900], [0, 900]]}, "row 1: t is [0, 900], but should be three"),
         ({"R": [np.eye(3), np.eye(3) * 1.1]}, "row 1: R is 0.173 away from the nearest"),
-        ({"t": [[0, 0, 0.9], [0, 0, 0.8]]}, "t seems to be in metres"),
+        ({"t": [[0, 0, 0.9], [0, 0, 0.8]]}, "is it in metres (0.85 m), not in millimetres?"),
         ({"im_id": [0, 0]}, "row 1: repeats the instance and pose of row 0"),
         ({"score": [1.0]}, "the columns have different lengths"),
     ],

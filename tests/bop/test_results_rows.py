@@ -57,7 +57,7 @@ def test_a_slightly_bad_rotation_is_projected(tmp_path: Path) -> None:
 
 def test_metres_are_noticed(tmp_path: Path) -> None:
     path = write_csv(tmp_path / "r.csv", bad("10 20 900", "0.01 0.02 0.9"))
-    with pytest.raises(FormatError, match=r"0\.9 mm; t seems to be in metres"):
+    with pytest.raises(FormatError, match=r"0\.9 mm, but .*in metres \(0\.90 m\)"):
         read_results(path)
 
 

@@ -42,7 +42,7 @@ def test_errors_have_a_shape(world: Path, capsys: pytest.CaptureFixture[str]) ->
 
 def test_metres_and_bad_rows_and_columns(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for row, says in (
-        (ROW.replace("10 20 900", "0.01 0.02 0.9"), "t seems to be in metres"),
+        (ROW.replace("10 20 900", "0.01 0.02 0.9"), "in metres (0.90 m), not in millimetres"),
         (ROW.replace("1 0 0 0 1 0 0 0 1", "1 0 0 0 1 0 0 0 2"), "line 2: R is 1 away"),
         (ROW.replace("0.5", "nan"), "line 2: score is 'nan'"),
     ):

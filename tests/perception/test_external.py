@@ -98,7 +98,7 @@ def test_the_example_of_the_guide(python: Path, dataset: BopDataset, boxes: Path
         ("silent", EstimatorFailedError, "exited with code 0, but has not written its {out}"),
         ("headers", FormatError, "holds no pose$"),
         ("half", FormatError, r"out.csv, as the estimator wrote it, line 7: "),
-        ("metres", FormatError, "t seems to be in metres"),
+        ("metres", FormatError, "not in millimetres"),
         ("count", FormatError, r"line 2: there is no image 1/0 in .*numbers in the files' names"),
         ("object", FormatError, r"line 2: object 2 is not in .*models_info.json, which has 1, 5"),
     ],

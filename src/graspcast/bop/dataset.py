@@ -5,7 +5,7 @@ Layout: https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_form
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
@@ -18,14 +18,18 @@ from numpy import ndarray
 
 from graspcast.bop.images import find_images, read_image
 from graspcast.bop.models import Models
-from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
+from graspcast.bop.rotations import checked_rotations
 from graspcast.bop.summary import summary
+from graspcast.bop.true_pose_checks import check_outlines, check_true_poses
+from graspcast.bop.unit_checks import camera_problem
 from graspcast.bop.units import metres
-from graspcast.errors import FormatError, InputError
+from graspcast.errors import FormatError, GraspcastError, InputError
 from graspcast.io.json import by_identifier, identifier, numbers, read_json, require
 from graspcast.pose.transforms import transform
 
 __all__ = ["BopDataset", "Camera", "GroundTruth", "Target", "read_ground_truth", "read_targets"]
+
+_MODELS = ("models_eval", "models")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,17 +115,27 @@ def _scenes(directory: Path, file: str) -> Iterator[tuple[int, Path]]:
         yield int(folder.name), folder / file
 
 
-def read_ground_truth(directory: str | PathLike[str]) -> GroundTruth:
+def read_ground_truth(
+    directory: str | PathLike[str], diameters_m: Mapping[int, float] | None = None
+) -> GroundTruth:
     """Read ``scene_gt.json`` (and ``scene_gt_info.json`` where it exists) of all scene folders.
 
     Matrices within 0.02 of a rotation (as in the official LM-O files) are projected to it.
+
+    Parameters
+    ----------
+    directory
+        The directory of the scene folders.
+    diameters_m
+        Object's number to its diameter, metres, with which distances are compared.
 
     Raises
     ------
     InputError
         If there are no scene folders.
     FormatError
-        Naming file, image and key.
+        Naming file, image and key; also if the distances are not plausible in millimetres, or
+        objects are seen behind the camera.
     """
     directory = Path(directory)
     keys: list[tuple[int, int, int, int]] = []
@@ -147,14 +161,14 @@ def read_ground_truth(directory: str | PathLike[str]) -> GroundTruth:
                 translations.append(numbers(require(entry, "cam_t_m2c", path, at), (3,), path, at))
             visible.extend(shares)
             boxes.extend(outlines)
-        _, distance = checked_rotations(np.array(rotations[scene_start:]).reshape(-1, 3, 3))
-        if (distance > MAX_ROTATION_DEVIATION).any():
-            worst = keys[scene_start + int(np.argmax(distance))]
-            raise FormatError(
-                path,
-                f"cam_R_m2c is {distance.max():.3g} away from the nearest rotation matrix",
-                where=f"image {worst[1]}, object {worst[2]}",
-            )
+        check_true_poses(
+            path,
+            np.array(keys[scene_start:], dtype=np.int64).reshape(-1, 4)[:, 1:3],
+            np.array(rotations[scene_start:]).reshape(-1, 3, 3),
+            metres(np.array(translations[scene_start:]).reshape(-1, 3)),
+            np.array(visible[scene_start:]),
+            diameters_m,
+        )
     table = np.array(keys, dtype=np.int64).reshape(-1, 4)
     rotation, _ = checked_rotations(np.array(rotations).reshape(-1, 3, 3))
     return GroundTruth(
@@ -210,8 +224,12 @@ def read_targets(path: str | PathLike[str]) -> list[Target]:
     return out
 
 
-def _camera(entry: Any, path: Path, where: str) -> Camera:
+def _camera(
+    entry: Any, path: Path, where: str, image_size: tuple[int, int] | None = None
+) -> Camera:
     K = numbers(require(entry, "cam_K", path, where), (3, 3), path, f"{where}, cam_K")
+    if problem := camera_problem(K, image_size):
+        raise FormatError(path, problem, where=f"{where}, cam_K")
     scale = numbers(entry.get("depth_scale", 1.0), (), path, f"{where}, depth_scale")
     return Camera(K=K, depth_scale_m=float(metres(scale)))
 
@@ -259,7 +277,7 @@ class BopDataset:
     @cached_property
     def models(self) -> Models:
         """The models in ``models_eval`` if the dataset has it, else in ``models``."""
-        for folder in ("models_eval", "models"):
+        for folder in _MODELS:
             if (self.root / folder / "models_info.json").is_file():
                 return Models(self.root / folder)
         raise InputError(
@@ -269,8 +287,29 @@ class BopDataset:
 
     @cached_property
     def ground_truth(self) -> GroundTruth:
-        """All ground-truth poses of the split."""
-        return read_ground_truth(self.scenes)
+        """All ground-truth poses of the split, compared with the models where there are some."""
+        has_models = any((self.root / f / "models_info.json").is_file() for f in _MODELS)
+        info = self.models.info if has_models else {}
+        diameters = {i: model.diameter_m for i, model in info.items()}
+        truth = read_ground_truth(self.scenes, diameters)
+        if truth.box_xywh is not None:
+            check_outlines(
+                truth.source,
+                np.stack([truth.scene_id, truth.im_id, truth.obj_id], axis=1),
+                truth.cam_T_obj[:, 2, 3],
+                truth.visib_fract,
+                truth.box_xywh,
+                diameters_m=diameters,
+                focal_px=self._focal_length,
+            )
+        return truth
+
+    def _focal_length(self, scene_id: int, im_id: int) -> float:
+        """Return an image's focal length in pixels, NaN if its camera is unknown or wrong."""
+        try:
+            return float(self.camera_of(scene_id, im_id).K[0, 0])
+        except GraspcastError:
+            return float("nan")
 
     @cached_property
     def camera(self) -> Camera:
@@ -282,6 +321,8 @@ class BopDataset:
             for key in ("fx", "fy", "cx", "cy")
         )
         K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
+        if problem := camera_problem(K, self.image_size):
+            raise FormatError(path, problem)
         scale = numbers(entry.get("depth_scale", 1.0), (), path, "depth_scale")
         return Camera(K=K, depth_scale_m=float(metres(scale)))
 
@@ -291,7 +332,7 @@ class BopDataset:
         out = {}
         for scene_id, path in _scenes(self.scenes, "scene_camera.json"):
             for im_id, image, entry in by_identifier(read_json(path, dict), path, "image"):
-                out[scene_id, im_id] = _camera(entry, path, f"image {image}")
+                out[scene_id, im_id] = _camera(entry, path, f"image {image}", self.image_size)
         return out
 
     def camera_of(self, scene_id: int, im_id: int) -> Camera:

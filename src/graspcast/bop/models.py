@@ -10,15 +10,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.bop.meshes import Mesh, read_mesh
 from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
 from graspcast.bop.summary import counted
+from graspcast.bop.unit_checks import (
+    diameter_problem,
+    distance_problem,
+    mesh_problem,
+    models_problem,
+    symmetry_problem,
+)
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError, UnknownNameError
 from graspcast.io.json import by_identifier, numbers, read_json, require
+from graspcast.pose.lengths import between
+from graspcast.pose.sanity import is_placeholder
 from graspcast.pose.transforms import rotation_from_vector, transform
 
 __all__ = ["ContinuousSymmetry", "ModelInfo", "Models", "read_models_info"]
@@ -101,7 +110,8 @@ def read_models_info(path: str | PathLike[str]) -> dict[int, ModelInfo]:
     Raises
     ------
     FormatError
-        Naming the object and the key.
+        Naming the object and the key; also if its lengths contradict each other, or what a hand
+        grasps, as they do in another unit than millimetres.
     """
     out: dict[int, ModelInfo] = {}
     for obj_id, key, entry in by_identifier(read_json(path, dict), path, "object"):
@@ -121,9 +131,28 @@ def read_models_info(path: str | PathLike[str]) -> dict[int, ModelInfo]:
             discrete=_discrete(entry, path, where),
             continuous=_continuous(entry, path, where),
         )
+        _check_lengths(out[obj_id], path, where)
     if not out:
         raise FormatError(path, "lists no object")
+    if problem := models_problem(np.array([info.diameter_m for info in out.values()])):
+        raise FormatError(path, problem)
     return out
+
+
+def _check_lengths(info: ModelInfo, path: str | PathLike[str], where: str) -> None:
+    """Raise if diameter, bounds and symmetries of an object contradict each other."""
+    if problem := diameter_problem(info.diameter_m, info.size):
+        raise FormatError(path, problem, where=where)
+    centre = info.lower + info.size / 2
+    for pose in info.discrete:
+        if problem := symmetry_problem(pose[:3, :3], pose[:3, 3], centre, info.diameter_m):
+            raise FormatError(path, problem, where=f"{where}, symmetries_discrete")
+    for symmetry in info.continuous:
+        # Half a turn about the axis; the offset's part along the axis has no effect.
+        half_turn = 2 * np.outer(symmetry.axis, symmetry.axis) - np.eye(3)
+        moved = symmetry.offset - half_turn @ symmetry.offset
+        if problem := symmetry_problem(half_turn, moved, centre, info.diameter_m):
+            raise FormatError(path, problem, where=f"{where}, symmetries_continuous, offset")
 
 
 def _discrete(entry: Mapping[str, Any], path: str | PathLike[str], where: str) -> ndarray:
@@ -173,6 +202,7 @@ class Models:
         self.directory = Path(directory)
         self.info = read_models_info(self.directory / "models_info.json")
         self._meshes: dict[int, Mesh] = {}
+        self._checked: set[int] = set()
 
     def __repr__(self) -> str:
         return f"Models({counted(len(self.info), 'object')}, {self.directory})"
@@ -195,8 +225,78 @@ class Models:
         return self.info[obj_id]
 
     def mesh(self, obj_id: int) -> Mesh:
-        """Return the mesh of an object, in metres; it is read once."""
+        """Return the mesh of an object, in metres; it is read once.
+
+        Raises
+        ------
+        FormatError
+            If the file cannot be read, or contradicts ``models_info.json``.
+        """
         self[obj_id]
         if obj_id not in self._meshes:
-            self._meshes[obj_id] = read_mesh(self.directory / f"obj_{obj_id:06d}.ply")
+            mesh = read_mesh(self._path(obj_id))
+            self._check(obj_id, mesh)
+            self._meshes[obj_id] = mesh
         return self._meshes[obj_id]
+
+    def check_a_mesh(self) -> None:
+        """Compare ``models_info.json`` with the smallest mesh file, unless one was read already.
+
+        Raises
+        ------
+        FormatError
+            If they contradict each other. A mesh that cannot be read is left to whoever needs it.
+        """
+        present = [obj_id for obj_id in self.info if self._path(obj_id).is_file()]
+        if self._checked or not present:
+            return
+        smallest = min(present, key=lambda obj_id: self._path(obj_id).stat().st_size)
+        try:
+            mesh = read_mesh(self._path(smallest))
+        except FormatError:
+            return
+        self._check(smallest, mesh)
+
+    def check_distances(
+        self, source: str, obj_id: Int[ndarray, " n"], cam_T_obj: Float[ndarray, "n 4 4"]
+    ) -> None:
+        """Raise unless estimates are as far away as objects of these diameters can be seen.
+
+        Parameters
+        ----------
+        source
+            Where the estimates came from, for messages.
+        obj_id, cam_T_obj
+            Objects and their poses; placeholders and objects without a model are left out.
+
+        Raises
+        ------
+        FormatError
+            Naming both medians and the unit that would fit.
+        """
+        there = ~is_placeholder(cam_T_obj)
+        sizes = {number: info.diameter_m for number, info in self.info.items()}
+        diameters = np.array([sizes.get(number, np.nan) for number in obj_id[there].tolist()])
+        distances = np.linalg.norm(cam_T_obj[there, :3, 3], axis=1)
+        if problem := distance_problem("t", distances, diameters):
+            raise FormatError(source, problem, parameters=("estimates", "bop"))
+
+    @property
+    def lengths(self) -> str:
+        """The sizes in words: ``"102 to 123 mm across (models_info.json and 2 meshes agree)"``."""
+        sizes = [info.diameter_m for info in self.info.values()]
+        said = f"{between(min(sizes), max(sizes))} across"
+        if not self._checked:
+            return f"{said} (by models_info.json)"
+        verb = "agrees" if len(self._checked) == 1 else "agree"
+        count = "1 mesh" if len(self._checked) == 1 else f"{len(self._checked)} meshes"
+        return f"{said} (models_info.json; {count} {verb})"
+
+    def _path(self, obj_id: int) -> Path:
+        return self.directory / f"obj_{obj_id:06d}.ply"
+
+    def _check(self, obj_id: int, mesh: Mesh) -> None:
+        info = self.info[obj_id]
+        if problem := mesh_problem(info.diameter_m, info.lower, mesh.vertices):
+            raise FormatError(self._path(obj_id), problem)
+        self._checked.add(obj_id)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy import ndarray
 
 from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
+from graspcast.bop.unit_checks import distance_problem
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError
 from graspcast.pose.sanity import is_placeholder
@@ -20,7 +21,6 @@ from graspcast.pose.transforms import transform
 __all__ = ["COLUMNS", "ParsedRows", "checked_rows", "parse_rows"]
 
 COLUMNS = ("scene_id", "im_id", "obj_id", "score", "R", "t", "time")
-_MIN_MEDIAN_DISTANCE_MM = 10.0
 
 
 def _whole(cell: Any) -> int:
@@ -176,7 +176,8 @@ def checked_rows(parsed: ParsedRows, *, placeholders: bool) -> dict[str, Any]:
     Raises
     ------
     FormatError
-        For a bad row, unless bad rows are skipped; or if the translations seem to be in metres.
+        For a bad row, unless bad rows are skipped; or if the translations seem to be in
+        another unit than millimetres.
     """
     columns = parsed.columns
     translation_mm = columns["t"]
@@ -200,14 +201,10 @@ def checked_rows(parsed: ParsedRows, *, placeholders: bool) -> dict[str, Any]:
             where = f"{parsed.unit} {parsed.place[first]}"
             parsed.reject(i, f"repeats the instance and pose of {where}")
             keep[i] = False
-    if keep.any():
-        median = float(np.median(np.linalg.norm(translation_mm[keep], axis=-1)))
-        if median < _MIN_MEDIAN_DISTANCE_MM:
-            raise FormatError(
-                parsed.source,
-                f"the median distance is {median:.3g} mm; t seems to be in metres, but BOP results "
-                "are in millimetres: multiply t by 1000",
-            )
+    if problem := distance_problem(
+        "t", metres(np.linalg.norm(translation_mm[keep & ~is_at_centre], axis=-1))
+    ):
+        raise FormatError(parsed.source, problem)
     dropped = {"placeholder": int(placeholder.sum()), "bad row": parsed.bad}
     return {
         **{name: keys[keep, i] for i, name in enumerate(COLUMNS[:3])},

@@ -111,7 +111,7 @@ def _certify(options: argparse.Namespace) -> None:
     estimates = inputs.estimates(card.principal)
     outcomes = load_outcomes(options.outcomes, estimates.estimators)
     data = TrainingData.join(estimates, outcomes, card.principal, card.gripper)
-    note(*inputs.notes)
+    note(*inputs.notes, *inputs.lengths)
     if untried := int((~data.is_tried).sum()):
         note(f"left out {untried} instances without an outcome")
     certificate = certify_forecaster(

@@ -93,7 +93,7 @@ def _compare(options: argparse.Namespace) -> None:
     training_data = principal_training_data(
         inputs, outcomes, options.gripper, with_truth=options.method == "blend"
     )
-    note(*inputs.notes)
+    note(*inputs.notes, *inputs.lengths)
     with progress_bar("cross-validating") as move:
         found = compare(
             training_data,

@@ -87,7 +87,7 @@ def _errors(options: argparse.Namespace) -> None:
             figures[dataset, estimator] = summarise(errors)
             names = (pl.lit(estimator).alias("estimator"), pl.lit(dataset).alias("dataset"))
             parts.append(errors.select(*names, pl.all()))
-    note(*inputs.notes)
+    note(*inputs.notes, *inputs.lengths)
     if options.shape:
         shape = _shape(parts)
     else:

@@ -111,6 +111,10 @@ def _estimate(options: argparse.Namespace) -> None:
     run = _by_command if is_command else _by_built_in
     results = run(options, dataset, detections)
     _note_dropped(results)
+    # Late: once polars is loaded, Ctrl-C does not end the wait for a command.
+    from graspcast.estimates.consistency import describe_lengths
+
+    note(describe_lengths(dataset.name, dataset, {options.out.name: results.cam_T_obj}))
     asked, answered = (
         set(zip(table.scene_id.tolist(), table.im_id.tolist(), strict=True))
         for table in (detections, results)

@@ -121,6 +121,7 @@ def _benchmark(options: argparse.Namespace) -> Benchmark:
 
     simulated = read_all_outcomes(options.outcomes) if options.outcomes else None
     data = Published(options.data)
+    note(*data.lengths)
     transferred = {}
     if options.transferred:
         transferred = {

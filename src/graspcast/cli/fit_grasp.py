@@ -76,6 +76,7 @@ def _trials_of(options: argparse.Namespace) -> tuple[ObservedTrials, dict[str, P
         from graspcast.paper.validation import published_trials
 
         data = Published(options.data)
+        note(*data.lengths)
         return published_trials(data), {name: dataset.root for name, dataset in data.bop.items()}
     if not (options.estimates and options.bop and options.outcomes):
         raise InputError("give --data, or else --estimates, --bop and --outcomes")
@@ -84,7 +85,7 @@ def _trials_of(options: argparse.Namespace) -> tuple[ObservedTrials, dict[str, P
     trials = observed_trials(
         inputs.results, inputs.datasets, load_outcomes(options.outcomes, names)
     )
-    note(*inputs.notes)
+    note(*inputs.notes, *inputs.lengths)
     return trials, {name: dataset.root for name, dataset in inputs.datasets.items()}
 
 

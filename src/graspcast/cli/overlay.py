@@ -76,7 +76,7 @@ def _overlay(options: argparse.Namespace) -> None:
     for missing in sorted(wanted - {field.object for field in fields}):
         raise InputError(f"--objects {missing}: no estimate of it in any --image")
     save_png(options.out, overlay_sheet(fields, estimators=len(results), size=options.size))
-    note(*inputs.notes)
+    note(*inputs.notes, *inputs.lengths)
     print_text(str(options.out))
 
 

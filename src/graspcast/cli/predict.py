@@ -86,7 +86,8 @@ def _predict(options: argparse.Namespace) -> None:
         explain=options.explain,
     )
     write_verdicts(options.out, rows)
-    note(*inputs.notes, *(f"Warning: {text}." for model in models for text in model.card.warnings))
+    warnings = (f"Warning: {text}." for model in models for text in model.card.warnings)
+    note(*inputs.notes, *inputs.lengths, *warnings)
     attempts = sum(row.verdict.attempt for row in rows)
     unusual = sum(row.verdict.out_of_distribution is True for row in rows)
     print_text(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from graspcast.cli.console import print_text, progress_bar
+from graspcast.cli.console import note, print_text, progress_bar
 from graspcast.cli.options import (
     Verbs,
     add_json,
@@ -58,5 +58,6 @@ def _reproduce(options: argparse.Namespace) -> None:
     data = Published(options.data, outcomes=options.outcomes)
     with progress_bar("reading") as move:
         found = reproduce(data, seeds=options.seeds, progress=move)
+    note(*data.lengths)
     print_text(render(found))
     write_json(options.json, found)

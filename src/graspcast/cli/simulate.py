@@ -118,7 +118,7 @@ def _simulate(options: argparse.Namespace) -> None:
     grippers = {hand.name: hand for hand in map(load_gripper, options.gripper)}
     grasps = read_grasps(options.grasps)
     requests = _requests(options, inputs, grasps, tuple(grippers))
-    note(*inputs.notes)
+    note(*inputs.notes, *inputs.lengths)
     setups = load_setups(
         requests,
         grasps,

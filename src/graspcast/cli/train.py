@@ -129,7 +129,7 @@ def _train(options: argparse.Namespace) -> None:
 
     inputs = inputs_of(options)
     data = _training_data(options, inputs)
-    note(*inputs.notes)
+    note(*inputs.notes, *inputs.lengths)
     settings = {
         "method": options.method,
         "features": options.features,

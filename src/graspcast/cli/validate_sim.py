@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from graspcast.cli.console import print_text, progress_bar
+from graspcast.cli.console import note, print_text, progress_bar
 from graspcast.cli.options import (
     Verbs,
     add_json,
@@ -59,9 +59,11 @@ def _validate_sim(options: argparse.Namespace) -> None:
     from graspcast.simulation.grasps.table import read_grasps
 
     out = options.out or (options.json or Path("validation.json")).with_suffix(".campaign")
+    data = Published(options.data)
+    note(*data.lengths)
     with progress_bar("simulating") as move:
         found = validate(
-            Published(options.data),
+            data,
             read_grasps(options.grasps),
             out,
             executor=LocalExecutor(options.workers),

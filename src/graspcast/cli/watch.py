@@ -189,4 +189,5 @@ def _estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray,
     if dataset != entry.dataset:
         raise InputError(f"{results.source}: its estimates are of {dataset}, not of {name}")
     truth = inputs.datasets[dataset].ground_truth
+    note(*inputs.lengths)
     return estimate_in_image(results, truth, name, options.image, options.est_id)

@@ -23,6 +23,7 @@ from graspcast.errors import (
     UnknownNameError,
 )
 from graspcast.estimates.alignment import Estimates, align, concatenate
+from graspcast.estimates.consistency import check_tables, describe_lengths
 from graspcast.estimates.matching import true_poses
 from graspcast.estimates.outcomes import read_all_outcomes
 
@@ -51,6 +52,17 @@ class Inputs:
     def models(self) -> dict[str, Models]:
         """Dataset's name to its object models."""
         return {name: dataset.models for name, dataset in self.datasets.items()}
+
+    @property
+    def lengths(self) -> list[str]:
+        """How large objects were read and how far away, one line for each dataset."""
+        lines = [
+            describe_lengths(
+                name, self.datasets.get(name), {e: table.cam_T_obj for e, table in tables.items()}
+            )
+            for name, tables in self.results.items()
+        ]
+        return [line for line in lines if line]
 
     @property
     def estimators(self) -> tuple[str, ...]:
@@ -190,6 +202,9 @@ def load_inputs(
             table = _of_scenes(table, scenes)
         tables[name] = _wanted(table, dataset_name, datasets, objects, lenient, out.notes)
         _check_distinct(name, tables)
+    for dataset_name, tables in results.items():
+        known = dataset_name in datasets
+        check_tables(tables, datasets[dataset_name].models if known else None)
     return out
 
 

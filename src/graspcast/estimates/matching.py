@@ -13,6 +13,7 @@ from graspcast.bop.models import Models
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
 from graspcast.estimates.alignment import Estimates, assign
+from graspcast.estimates.consistency import check_pairs
 from graspcast.pose.metrics import nearest_symmetric
 
 __all__ = ["match", "nearest_truth", "true_poses"]
@@ -27,7 +28,8 @@ def match(results: Results, truth: GroundTruth) -> Int[ndarray, " n"]:
     Raises
     ------
     MismatchError
-        If not one estimate's image is known to the ground truth.
+        If not one estimate's image is known to the ground truth, or if distances or rotations
+        contradict it as those in another unit, or transposed, do.
     """
     out = _matched(
         (results.scene_id, results.im_id, results.obj_id), results.cam_T_obj[:, :3, 3], truth
@@ -37,7 +39,14 @@ def match(results: Results, truth: GroundTruth) -> Int[ndarray, " n"]:
             f"{results.source}: none of its {len(results)} estimates is of an instance that "
             f"{truth.source} has; is it a CSV of another dataset or split?"
         )
+    _check(results.source, results.cam_T_obj, truth, out)
     return out
+
+
+def _check(source: str, poses: Float[ndarray, "n 4 4"], truth: GroundTruth, row: ndarray) -> None:
+    """Raise if matched estimates contradict the ground truth by unit or transposition."""
+    found = row >= 0
+    check_pairs(source, poses[found], truth.source, truth.cam_T_obj[row[found]])
 
 
 def _matched(
@@ -76,7 +85,9 @@ def true_poses(
         rows = np.flatnonzero(estimates.dataset == name)
         truth = datasets[name].ground_truth
         keys = (estimates.scene_id[rows], estimates.im_id[rows], estimates.obj_id[rows])
-        found = _matched(keys, estimates.of(principal)[rows, :3, 3], truth)
+        poses = estimates.of(principal)[rows]
+        found = _matched(keys, poses[:, :3, 3], truth)
+        _check(f"{principal} on {name}", poses, truth, found)
         out[rows[found >= 0]] = truth.cam_T_obj[found[found >= 0]]
     return out
 

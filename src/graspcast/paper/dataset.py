@@ -25,6 +25,7 @@ from graspcast.bop.models import Models
 from graspcast.bop.results import read_results
 from graspcast.errors import InputError
 from graspcast.estimates.alignment import Estimates, align, concatenate
+from graspcast.estimates.consistency import check_tables, describe_lengths
 from graspcast.estimates.outcomes import read_all_outcomes
 from graspcast.forecasting.training_data import TrainingData
 from graspcast.paper.published_split import published_part, read_split
@@ -132,9 +133,23 @@ class Published:
         parts = []
         for name in DATASETS:
             tables = {e: read_results(self.results_path(e, name)) for e in ESTIMATORS}
+            check_tables(tables, self.bop[name].models)
             together = align(tables, dataset=name)
             parts.append(together.select(np.isin(together.objects, list(OBJECTS))))
         return concatenate(parts)
+
+    @property
+    def lengths(self) -> list[str]:
+        """How large objects were read and how far away, one line for each dataset."""
+        found = self.estimates
+        return [
+            describe_lengths(
+                name,
+                dataset,
+                {e: found.of(e)[found.dataset == name] for e in found.estimators},
+            )
+            for name, dataset in self.bop.items()
+        ]
 
     @cached_property
     def split(self) -> pl.DataFrame:

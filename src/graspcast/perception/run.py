@@ -213,6 +213,7 @@ def _accept(
     results = _belonging(results, dataset, asked, lenient=lenient)
     if not len(results):
         raise FormatError(source, "holds no pose")
+    dataset.models.check_distances(source, results.obj_id, results.cam_T_obj)
     write_results(out, results)
     return replace(results, source=str(out))
 
