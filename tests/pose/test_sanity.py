@@ -48,10 +48,13 @@ R, T = GOOD[:3, :3], np.array([0.1, -0.05, 0.8])
         (changed(R=R + [[0, 0.1, 0], [0, 0, 0], [0, 0, 0]], t=T), "no rotation matrix"),
         (changed(R=np.zeros((3, 3)), t=T), "no rotation matrix|scaled by 0"),
         (changed(t=[0.1, 0, -0.8]), "behind the camera"),
-        (changed(t=1000 * T), "in millimetres, given as metres"),
-        (changed(t=100 * T), "in centimetres, given as metres"),
-        (changed(t=T / 1000), "in metres, given as millimetres"),
-        (changed(t=[0, 0, 0.05]), "0.25 of the object's diameters"),
+        (changed(t=1000 * T), "in millimetres (0.81 m), not in metres"),
+        (changed(t=100 * T), "in centimetres (0.81 m), not in metres"),
+        (changed(t=T / 1000), "in metres (0.81 m), not in millimetres"),
+        (
+            changed(t=[0, 0, 0.05]),
+            "that is 50 mm, but an object 200 mm across should be 100 mm to 20 m away",
+        ),
     ],
 )
 def test_each_problem_is_named(pose: np.ndarray, says: str) -> None:

@@ -10,10 +10,14 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
+from graspcast.pose.lengths import Reference, between, shown, unit_problem
+
 __all__ = [
     "FARTHEST_DIAMETERS",
     "MAX_ROTATION_DEVIATION",
     "NEAREST_DIAMETERS",
+    "USUAL_DIAMETERS",
+    "distance_reference",
     "is_placeholder",
     "pose_problems",
 ]
@@ -31,6 +35,9 @@ millimetres that is given as metres is.
 
 NEAREST_DIAMETERS = 0.5
 """Nearer than this, the camera is inside the object's bounding sphere. Published: 0.62 or more."""
+
+USUAL_DIAMETERS = (1.0, 30.0)
+"""Distances in diameters that suggest a unit of length."""
 
 
 def is_placeholder(cam_T_obj: Float[ndarray, "*n 4 4"]) -> Bool[ndarray, "*n"]:
@@ -114,13 +121,24 @@ def _rotation_problem(R: Float[ndarray, "3 3"]) -> str:
 def _distance_problem(distance_m: float, diameter_m: float) -> str:
     if not np.isfinite(diameter_m):
         return ""
-    ratio = distance_m / diameter_m
-    if NEAREST_DIAMETERS <= ratio <= FARTHEST_DIAMETERS:
-        return ""
-    said = f"is {distance_m:.3g} m away, {ratio:.3g} of the object's diameters ({diameter_m:.3g} m)"
-    for unit, factor in (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254)):
-        if 1.0 <= ratio * factor <= 30.0:
-            return f"{said}: in {unit}, given as metres?"
-        if 1.0 <= ratio / factor <= 30.0:
-            return f"{said}: in metres, given as {unit}?"
-    return said
+    reference = distance_reference(diameter_m, NEAREST_DIAMETERS, FARTHEST_DIAMETERS)
+    return unit_problem("has a distance that", distance_m, reference)
+
+
+def distance_reference(diameter_m: float, nearest: float, farthest: float) -> Reference:
+    """Return the distances at which an object can be seen, in terms of its diameter.
+
+    Parameters
+    ----------
+    diameter_m
+        The object's diameter, metres.
+    nearest, farthest
+        The least and the largest distance, in diameters.
+    """
+    low, high = nearest * diameter_m, farthest * diameter_m
+    return Reference(
+        f"an object {shown(diameter_m)} across should be {between(low, high)} away",
+        low,
+        high,
+        usual_m=(USUAL_DIAMETERS[0] * diameter_m, USUAL_DIAMETERS[1] * diameter_m),
+    )
