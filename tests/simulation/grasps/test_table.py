@@ -125,7 +125,7 @@ def test_figures_are_numbers_or_text(tmp_path: Path) -> None:
 
 def test_a_grasp_that_contradicts_its_object_is_not_applied() -> None:
     can, known = load_object("ycbv-4"), read_grasps()("ycbv-4", "parallel")
-    with pytest.raises(InputError, match="349 kg in .*is the mass in grams"):
+    with pytest.raises(InputError, match=r"349 kg in .*is the mass in grams"):
         replace(known, mass_kg=349.0).applied_to(can)
     away = known.grasp.obj_T_grasp.copy()
     away[:3, 3] = 0.0, 0.0, 30.0

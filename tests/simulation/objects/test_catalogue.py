@@ -54,5 +54,5 @@ def test_a_name_comes_before_a_label_and_a_label_of_two_is_refused(mug: Path) ->
     catalogue = read_catalogue(mug)
     assert catalogue["my mug"].name == "my mug"
     mug.write_text(MUG + MUG.replace("[objects.mug]", "[objects.cup]"))
-    with pytest.raises(InputError, match="2 objects have the label 'my mug'.* mug, cup"):
+    with pytest.raises(InputError, match=r"2 objects have the label 'my mug'.* mug, cup"):
         read_catalogue(mug)["my mug"]
