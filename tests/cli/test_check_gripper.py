@@ -15,7 +15,7 @@ DATA = Path(__file__).parents[1] / "data"
 def test_a_gripper_that_passes(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check-gripper", str(DATA / "three_jaw.toml")]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].endswith("passed") and len(lines) == 1 + 12
+    assert lines[0].endswith("passed") and len(lines) == 1 + 13
     assert all(line.startswith("  ok ") for line in lines[1:])
 
 

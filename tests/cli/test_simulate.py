@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +58,44 @@ def test_what_cannot_be_simulated_is_refused(
     world: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert "unknown gripper 'claw'" in refused(simulate(world, "--gripper", "claw"), capsys)
-    assert "made-1" in refused(simulate(world), capsys)
-    said = refused(simulate(world, "--lenient"), capsys)
-    assert "no estimate has both a ground truth and a reference grasp" in said
+    said = refused(simulate(world, "--objects", "made-1"), capsys)
+    assert "unknown grasp of 'made-1' by 'parallel'" in said and "Write it in a TOML" in said
+    for more in ([], ["--lenient"]):
+        said = refused(simulate(world, *more), capsys)
+        assert (
+            "no estimate has both a ground truth and a reference grasp; write grasps of made-1 by"
+            in said
+        )
+    said = refused(simulate(world, *tables, "--gripper", "franka"), capsys)
+    assert "two grippers are called 'parallel': parallel and franka" in said
     assert not (world / "campaign").exists()
+
+
+def test_an_object_without_grasp_or_mesh_stops_no_trial_of_others(
+    world: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Half of the estimates become those of made-2, which has neither grasp nor mesh.
+    path = world / "a_made-test.csv"
+    rows = path.read_text().splitlines()
+    table = world / "grasps.toml"
+    truth = world / "made" / "test" / "000000" / "scene_gt.json"
+    content = json.loads(truth.read_text())
+    for number, line in enumerate(rows):
+        scene, im, _, *rest = line.split(",")
+        if scene == "0" and int(im) % 12 == 0:
+            rows[number] = ",".join([scene, im, "2", *rest])
+            content[im] = [{**entry, "obj_id": 2} for entry in content[im]]
+    path.write_text("\n".join(rows) + "\n")
+    truth.write_text(json.dumps(content))
+    command = simulate(world, *tables, "--scenes", "0")
+    assert main(command) == 0
+    out, err = capsys.readouterr()
+    assert "campaign: 5 trials" in out
+    assert "left out 5 trials without a reference grasp: made-2 by parallel" in err
+    assert "made-1 60 mm, 0.1 kg, 463 kg/m³; parallel gripper opens to 80 mm" in err
+    text = table.read_text()
+    table.write_text(text + text[text.index("[[grasp]]") :].replace("made-1", "made-2"))
+    assert main([*command, "--out", str(world / "again")]) == 0
+    assert "left out 5 trials of made-2: it is not in the catalogue" in capsys.readouterr().err
+    said = refused([*command, "--objects", "made-1", "made-2"], capsys)
+    assert "made-2" in said

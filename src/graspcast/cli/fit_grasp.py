@@ -15,6 +15,7 @@ from graspcast.cli.options import (
     add_outcomes,
     inputs_of,
     new_verb,
+    note_sizes,
     write_json,
 )
 from graspcast.errors import InputError
@@ -104,6 +105,7 @@ def _fit_grasp(options: argparse.Namespace) -> None:
     grasp_object = load_object(
         options.object, bop_dirs=bop_dirs, catalogue=read_catalogue(options.catalogue)
     )
+    note_sizes([grasp_object], [gripper])
     pair = (grasp_object.name, gripper.name)
     mine = grasps_in(options.out) if options.out.exists() else []
     known = read_grasps().updated(mine)

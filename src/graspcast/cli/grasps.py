@@ -13,6 +13,7 @@ from graspcast.cli.options import (
     bop_dirs_of,
     field_size,
     new_verb,
+    note_sizes,
     note_software_drawing,
 )
 from graspcast.errors import InputError
@@ -52,14 +53,14 @@ def _grasps(options: argparse.Namespace) -> None:
     import_mujoco()
     from graspcast.rendering.trials.contact_sheet import draw_cells, save_sheet
     from graspcast.simulation.grasps.table import read_grasps
-    from graspcast.simulation.grippers import GRIPPERS, load_gripper
+    from graspcast.simulation.grippers import GRIPPERS, load_grippers
     from graspcast.simulation.objects.catalogue import read_catalogue
 
     if options.out.suffix.lower() != ".png":
         raise InputError(f"{options.out}: a contact sheet is a .png file", parameters=("out",))
     catalogue = read_catalogue(options.catalogue)
     entries = [catalogue[name] for name in options.objects or catalogue]
-    grippers = [load_gripper(name) for name in options.gripper or GRIPPERS]
+    grippers = list(load_grippers(options.gripper or GRIPPERS).values())
     note_software_drawing()
     with progress_bar("drawing") as move:
         cells = draw_cells(
@@ -72,6 +73,7 @@ def _grasps(options: argparse.Namespace) -> None:
             collision=options.collision,
             progress=move,
         )
+    note_sizes([cell.target for cell in cells.values() if cell.target is not None], grippers)
     labels = [(entry.name, entry.label) for entry in entries]
     save_sheet(options.out, labels, [g.name for g in grippers], cells, size=options.size)
     rows = [(f"{name} by {gripper}", cell.note) for (name, gripper), cell in cells.items()]

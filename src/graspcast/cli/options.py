@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,8 @@ from graspcast.errors import InputError
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
+    from graspcast.simulation.grippers.protocol import Gripper
+    from graspcast.simulation.objects.types import GraspObject
 
 __all__ = [
     "Verbs",
@@ -29,6 +31,7 @@ __all__ = [
     "field_size",
     "inputs_of",
     "new_verb",
+    "note_sizes",
     "note_software_drawing",
     "positive",
     "scene_and_image",
@@ -224,6 +227,16 @@ def write_json(path: Path | None, content: Any) -> None:
 def bop_dirs_of(options: argparse.Namespace) -> dict[str, Path]:
     """Return the BOP directories that ``--bop`` names, by dataset."""
     return {name or root.resolve().name: root for name, root in options.bop}
+
+
+def note_sizes(objects: Iterable[GraspObject] = (), grippers: Iterable[Gripper] = ()) -> None:
+    """Say the sizes, masses and densities of objects, and the openings of grippers, in one line."""
+    from graspcast.pose.lengths import shown
+    from graspcast.simulation.objects.plausibility import describe_object
+
+    parts = [f"{o.name} {describe_object(o)}" for o in {o.name: o for o in objects}.values()]
+    parts += [f"{g.name} gripper opens to {shown(g.max_opening_m)}" for g in grippers]
+    note("; ".join(parts))
 
 
 def note_software_drawing() -> None:

@@ -13,6 +13,7 @@ from graspcast.cli.options import (
     add_out,
     inputs_of,
     new_verb,
+    note_sizes,
 )
 
 if TYPE_CHECKING:
@@ -32,8 +33,8 @@ def add(verbs: Verbs) -> None:
         _simulate,
         "grasp trials guided by estimates",
         "Simulate the grasp that each estimate would guide, and store the outcomes in a directory\n"
-        "of Parquet files. The same command resumes an interrupted campaign. --lenient leaves out\n"
-        "objects without a reference grasp.",
+        "of Parquet files. The same command resumes an interrupted campaign. Objects without a\n"
+        "reference grasp or a mesh are left out and counted, unless --objects names them.",
     )
     add_inputs(verb, bop_required=True)
     verb.add_argument(
@@ -82,6 +83,11 @@ def _executor(options: argparse.Namespace) -> Executor:
     return LocalExecutor(options.workers)
 
 
+def _strict(options: argparse.Namespace) -> bool:
+    """Whether each object must be simulated, because it was asked for."""
+    return bool(options.objects) and not options.lenient
+
+
 def _requests(
     options: argparse.Namespace, inputs: Inputs, grasps: GraspTable, grippers: tuple[str, ...]
 ) -> TrialRequests:
@@ -93,14 +99,19 @@ def _requests(
             inputs.results,
             inputs.datasets,
             grippers,
-            grasps=grasps if options.lenient else None,
+            grasps=None if _strict(options) else grasps,
             notes=inputs.notes,
         )
     objects = options.objects or inputs.objects
+    pairs = grasps.pairs(objects, grippers, strict=bool(options.objects))
+    lacking = sorted({(o, g) for o in objects for g in grippers} - set(pairs))
+    if lacking:
+        names = ", ".join(f"{name} by {gripper}" for name, gripper in lacking)
+        inputs.notes.append(f"left out what has no reference grasp: {names}")
     return trials_from_transferred_errors(
         inputs.results,
         inputs.datasets,
-        grasps.pairs(objects, grippers, strict=bool(options.objects)),
+        pairs,
         count=options.transferred_errors,
         seed=options.seed,
     )
@@ -108,23 +119,27 @@ def _requests(
 
 def _simulate(options: argparse.Namespace) -> None:
     from graspcast.simulation.campaign.campaign import reason_counts, run_campaign
-    from graspcast.simulation.campaign.jobs import load_setups
+    from graspcast.simulation.campaign.jobs import available_trials, load_setups
     from graspcast.simulation.grasps.table import read_grasps
-    from graspcast.simulation.grippers import load_gripper
+    from graspcast.simulation.grippers import load_grippers
     from graspcast.simulation.objects.catalogue import read_catalogue
 
     # Errors are transferred from all objects; --objects names those that they are transferred to.
     inputs = inputs_of(options, every_object=options.transferred_errors is not None)
-    grippers = {hand.name: hand for hand in map(load_gripper, options.gripper)}
+    grippers = load_grippers(options.gripper)
     grasps = read_grasps(options.grasps)
     requests = _requests(options, inputs, grasps, tuple(grippers))
+    bop_dirs = {name: dataset.root for name, dataset in inputs.datasets.items()}
+    catalogue = read_catalogue(options.catalogue)
+    if not _strict(options):
+        requests = available_trials(requests, inputs.notes, bop_dirs=bop_dirs, catalogue=catalogue)
     note(*inputs.notes, *inputs.lengths)
     setups = load_setups(
-        requests,
-        grasps,
-        bop_dirs={name: dataset.root for name, dataset in inputs.datasets.items()},
-        catalogue=read_catalogue(options.catalogue),
-        grippers=grippers,
+        requests, grasps, bop_dirs=bop_dirs, catalogue=catalogue, grippers=grippers
+    )
+    note_sizes(
+        [setup.grasp_object for setup in setups.values()],
+        {setup.gripper.name: setup.gripper for setup in setups.values()}.values(),
     )
     sources = {
         f"{estimator} on {name}": table.source

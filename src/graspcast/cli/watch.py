@@ -14,6 +14,7 @@ from graspcast.cli.options import (
     add_tables,
     bop_dirs_of,
     new_verb,
+    note_sizes,
     note_software_drawing,
     scene_and_image,
 )
@@ -122,6 +123,7 @@ def _watch(options: argparse.Namespace) -> None:
     obj_T_est = _estimate(options, catalogue[name])
     target = load_object(name, bop_dirs=bop_dirs_of(options), catalogue=catalogue)
     runner = TrialRunner(reference.applied_to(target), gripper)
+    note_sizes([runner.grasp_object], [gripper])
     recording = record_trial(runner, obj_T_est, reference.grasp, early_stop=not options.full)
     outcome = recording.outcome
     print_text(

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -120,3 +121,13 @@ def test_figures_are_numbers_or_text(tmp_path: Path) -> None:
         write_grasps(tmp_path / "x.toml", [ReferenceGrasp(grasp, "", agreement={"kappa": None})])  # type: ignore[dict-item]
     assert not (tmp_path / "x.toml").exists()
     assert len(GraspTable([])) == 0
+
+
+def test_a_grasp_that_contradicts_its_object_is_not_applied() -> None:
+    can, known = load_object("ycbv-4"), read_grasps()("ycbv-4", "parallel")
+    with pytest.raises(InputError, match=r"349 kg in .*is the mass in grams"):
+        replace(known, mass_kg=349.0).applied_to(can)
+    away = known.grasp.obj_T_grasp.copy()
+    away[:3, 3] = 0.0, 0.0, 30.0
+    with pytest.raises(InputError, match="30 m away from the object, which is 102 mm across"):
+        replace(known, grasp=replace(known.grasp, obj_T_grasp=away)).applied_to(can)

@@ -9,7 +9,13 @@ import pytest
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.pose.transforms import transform
-from graspcast.simulation.grippers import GRIPPERS, FrankaHand, TendonHand, load_gripper
+from graspcast.simulation.grippers import (
+    GRIPPERS,
+    FrankaHand,
+    TendonHand,
+    load_gripper,
+    load_grippers,
+)
 
 THREE_JAW = Path(__file__).parents[2] / "data" / "three_jaw.toml"
 
@@ -58,6 +64,22 @@ MJCF = (THREE_JAW.parent / "three_jaw.xml").read_text()
         (("name =", "nome = 1\nname ="), None, FormatError, r"unknown key 'nome'.*'name'"),
         (("max_opening_m = 0.09\n", ""), None, FormatError, "max_opening_m is missing"),
         (("0.09", "-1"), None, FormatError, "max_opening_m is -1.0.*above zero"),
+        (("0.09", "90"), None, FormatError, r"is 90 m, but the hand is .* in millimetres \(90 mm"),
+        (("0.09", "9"), None, FormatError, "is 9.00 m, but the hand is .*in centimetres"),
+        (('"three_jaw"', '"parallel"'), None, FormatError, "that of a built-in gripper"),
+        (('"three_jaw"', '"franka"'), None, FormatError, "that of a built-in gripper"),
+        (('"three_jaw"', '" "'), None, FormatError, "name is empty"),
+        (
+            ("a = 0.06", "a = 60"),
+            ('<position name="a"', '<position name="a" ctrlrange="0 0.06"'),
+            FormatError,
+            "close sets a to 60, outside of its ctrlrange 0 to 0.06",
+        ),
+        (("a = 0.06", "a = nan"), None, FormatError, "a is nan, and must be finite"),
+        (("a = 0.06", "a = 'far'"), None, FormatError, "a should be a number, not 'far'"),
+        (("seconds = 0.6", "seconds = 'x'"), None, FormatError, "seconds should be a number"),
+        (("[closing]", "[equilibrium]\nlimit_s = []\n[closing]"), None, FormatError, "limit_s sho"),
+        (("", ""), ('name="a" ', ""), FormatError, "1 of its 3 actuators have no name"),
         (("seconds = 0.6", "seconds = 0"), None, FormatError, "closing takes 0 s"),
         (("seconds = 0.6", "second = 0.6"), None, FormatError, r"\[closing\].*it may hold open"),
         (("[closing]", "[closing"), None, FormatError, "is not TOML"),
@@ -91,4 +113,19 @@ def test_a_wrong_description_is_explained(
     assert old in MJCF
     (tmp_path / "three_jaw.xml").write_text(MJCF.replace(old, new, 1))
     with pytest.raises(error, match=message):
+        load_gripper(tmp_path / "three_jaw.toml")
+
+
+def test_two_grippers_of_one_name_are_refused(tmp_path: Path) -> None:
+    assert list(load_grippers(["parallel", THREE_JAW])) == ["parallel", "three_jaw"]
+    with pytest.raises(InputError, match="two grippers are called 'parallel': parallel and franka"):
+        load_grippers(["parallel", "franka"])
+    with pytest.raises(InputError, match="two grippers are called 'three_jaw'"):
+        load_grippers([THREE_JAW, THREE_JAW])
+
+
+def test_an_mjcf_that_is_not_text(tmp_path: Path) -> None:
+    (tmp_path / "three_jaw.toml").write_text(TOML)
+    (tmp_path / "three_jaw.xml").write_bytes(MJCF.replace("grasp", "\xff").encode("latin-1"))
+    with pytest.raises(InputError, match=r"three_jaw"):
         load_gripper(tmp_path / "three_jaw.toml")

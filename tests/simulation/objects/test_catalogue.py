@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from graspcast.errors import FormatError
+from graspcast.errors import FormatError, InputError
 from graspcast.simulation.objects.catalogue import read_catalogue
 from mug import MUG
 
@@ -46,3 +46,13 @@ def test_a_catalogue_that_is_wrong(mug: Path, old: str, new: str, message: str) 
     mug.write_text(MUG.replace(old, new))
     with pytest.raises(FormatError, match=message):
         read_catalogue(mug)
+
+
+def test_a_name_comes_before_a_label_and_a_label_of_two_is_refused(mug: Path) -> None:
+    other = MUG.replace("[objects.mug]", '[objects."my mug"]')
+    mug.write_text(MUG + other)
+    catalogue = read_catalogue(mug)
+    assert catalogue["my mug"].name == "my mug"
+    mug.write_text(MUG + MUG.replace("[objects.mug]", "[objects.cup]"))
+    with pytest.raises(InputError, match=r"2 objects have the label 'my mug'.* mug, cup"):
+        read_catalogue(mug)["my mug"]

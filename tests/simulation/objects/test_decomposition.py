@@ -72,6 +72,35 @@ def test_the_cache_is_used_and_gives_the_same(cache: Path, monkeypatch: pytest.M
         decompose(vertices, faces, Decomposition(pieces=4, threshold=0.3))
 
 
+def test_a_single_hull_is_cached_too(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = Decomposition(pieces=1)
+    first = decompose(*_angle(), one)
+
+    def fail(*args: object) -> None:
+        raise AssertionError("computed again")
+
+    monkeypatch.setattr(decomposition, "convex_hull", fail)
+    assert _same(decompose(*_angle(), one), first)
+
+
+def test_the_hull_of_a_fine_ball_takes_few_vertices_and_little_work(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=0.03)
+    compared = []
+    measure = decomposition._farthest
+
+    def counted(corners: np.ndarray, planes: dict[bytes, np.ndarray]) -> dict[bytes, object]:
+        compared.append(len(planes))
+        return measure(corners, planes)  # type: ignore[return-value]
+
+    monkeypatch.setattr(decomposition, "_farthest", counted)
+    piece = convex_hull(np.array(ball.vertices), 3e-4)
+    assert 100 < len(piece.vertices) < 500
+    # Each new vertex brings a few planes; all are not compared again each time.
+    assert sum(compared) < 30 * len(piece.vertices)
+
+
 @pytest.mark.parametrize("damage", ["cut", "flipped", "empty"])
 def test_a_damaged_file_is_built_again(
     cache: Path, damage: str, caplog: pytest.LogCaptureFixture

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 
 from graspcast.errors import ExtraMissingError, InputError, UnknownNameError
 from graspcast.pose.transforms import quaternion, rotation_angle, rotation_from_quaternion
@@ -122,3 +124,65 @@ def test_another_mass_and_friction() -> None:
     assert with_physics(can).friction == can.friction
     with pytest.raises(InputError, match="mass"):
         with_physics(can, mass_kg=0.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("mass_kg = 0.3", "mass_kg = 300", r"300 kg in .*is the mass in grams \(0.3 kg\)"),
+        (
+            "{ pieces = 1 }",
+            "{ primitives = [{ kind = 'cylinder', size_m = [35, 45] }] }",
+            "collision primitives are 70 x 70 x 90 m large, .*in millimetres",
+        ),
+    ],
+)
+def test_numbers_of_an_entry_that_contradict_its_mesh(
+    mug: Path, old: str, new: str, message: str
+) -> None:
+    mug.write_text(mug.read_text().replace(old, new))
+    with pytest.raises(InputError, match=message):
+        load_object("mug", catalogue=read_catalogue(mug))
+
+
+def _bop_entry(tmp_path: Path, scale: float, diameter: float) -> Path:
+    """A catalogue of object 1 of a dataset ``kit``, whose models are written beside it."""
+    models = tmp_path / "kit" / "models"
+    models.mkdir(parents=True)
+    body = trimesh.creation.cylinder(radius=35, height=90)
+    body.apply_scale(scale).export(models / "obj_000001.ply")
+    sides = {f"{kind}_{axis}": 1.0 for kind in ("min", "size") for axis in "xyz"}
+    (models / "models_info.json").write_text(json.dumps({"1": {"diameter": diameter, **sides}}))
+    (tmp_path / "kit.toml").write_text(
+        MUG.replace("mug]", "kit-1]").replace('mesh = "mug.stl"', 'dataset = "kit"\nobj_id = 1')
+    )
+    return tmp_path / "kit.toml"
+
+
+def test_a_bop_model_fits_its_diameter(tmp_path: Path) -> None:
+    catalogue = read_catalogue(_bop_entry(tmp_path, 1.0, 114.0))
+    assert load_object("kit-1", catalogue=catalogue, bop_dirs={"kit": tmp_path / "kit"}).name
+
+
+@pytest.mark.parametrize(
+    ("scale", "diameter", "message"),
+    [
+        (1.0, 0.114, r"its diameter in models_info.json is 0\.114 mm, but its mesh is 90 mm"),
+        (1e-3, 0.114, "models of a BOP dataset are in millimetres; rescale it"),
+    ],
+)
+def test_a_bop_model_in_another_unit(
+    tmp_path: Path, scale: float, diameter: float, message: str
+) -> None:
+    catalogue = read_catalogue(_bop_entry(tmp_path, scale, diameter))
+    with pytest.raises(InputError, match=message):
+        load_object("kit-1", catalogue=catalogue, bop_dirs={"kit": tmp_path / "kit"})
+
+
+def test_a_unit_of_a_bop_model_is_refused(tmp_path: Path) -> None:
+    path = _bop_entry(tmp_path, 1e-3, 0.114)
+    path.write_text(path.read_text().replace("obj_id = 1", 'obj_id = 1\nunit = "m"'))
+    with pytest.raises(
+        InputError, match=r"unit is 'm', but the models of a BOP dataset are in mil"
+    ):
+        read_catalogue(path)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from graspcast.errors import FormatError, InputError
 from graspcast.pose.transforms import rotation_from_vector
-from graspcast.simulation.objects.meshes import mass_properties, open_edges, read_mesh
+from graspcast.simulation.objects.meshes import Unit, mass_properties, open_edges, read_mesh
 
 
 def _box(extents: tuple[float, float, float] = (0.04, 0.06, 0.1)) -> trimesh.Trimesh:
@@ -23,7 +23,7 @@ def _write(tmp_path: Path, mesh: trimesh.Trimesh, name: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("suffix", ["stl", "obj", "ply"])
+@pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "glb"])
 @pytest.mark.parametrize(("scale", "unit"), [(1.0, "m"), (1000.0, "mm")])
 def test_the_same_box_in_every_format_and_unit(
     tmp_path: Path, suffix: str, scale: float, unit: str, caplog: pytest.LogCaptureFixture
@@ -39,11 +39,20 @@ def test_the_same_box_in_every_format_and_unit(
     assert len(edges) == 0
 
 
-@pytest.mark.parametrize("scale", [1e6, 40.0, 1e-3])
-def test_a_size_that_is_neither_millimetres_nor_metres(tmp_path: Path, scale: float) -> None:
+@pytest.mark.parametrize(
+    ("scale", "remedy"),
+    [
+        (1e6, "rescale it"),
+        (1 / 0.0254, r"give unit = 'cm' \(39.4 mm\) or unit = 'inch' \(100 mm\), or rescale it"),
+        (1e-3, "rescale it"),
+    ],
+)
+def test_a_size_that_is_neither_millimetres_nor_metres(
+    tmp_path: Path, scale: float, remedy: str
+) -> None:
     mesh = _box()
     mesh.apply_scale(scale)
-    with pytest.raises(FormatError, match="neither in millimetres nor in metres; rescale"):
+    with pytest.raises(FormatError, match=f"neither in millimetres nor in metres; {remedy}"):
         read_mesh(_write(tmp_path, mesh, "box.stl"))
 
 
@@ -53,11 +62,38 @@ def test_a_stated_unit_that_makes_it_a_thousand_times_too_big(
     mesh = _box()
     mesh.apply_scale(1000)
     path = _write(tmp_path, mesh, "box.stl")
-    with pytest.raises(FormatError, match=r"is 100 m across when read in m.*unit = 'mm'"):
+    with pytest.raises(FormatError, match=r"largest side is 100 m, but a hand .*give unit = 'mm'"):
         read_mesh(path, "m")
     with caplog.at_level("INFO"):
         assert np.ptp(read_mesh(path, "mm").vertices) < 1
     assert not caplog.messages
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("cm", 1e-2), ("inch", 0.0254)])
+def test_a_stated_unit_holds(tmp_path: Path, unit: Unit, metres: float) -> None:
+    mesh = _box()
+    mesh.apply_scale(1 / metres)
+    read = read_mesh(_write(tmp_path, mesh, "box.stl"), unit)
+    np.testing.assert_allclose(np.ptp(read.vertices, axis=0), (0.04, 0.06, 0.1), rtol=1e-6)
+
+
+@pytest.mark.parametrize("stray", [900.0, np.nan])
+def test_vertices_that_no_face_uses_are_left_out(tmp_path: Path, stray: float) -> None:
+    mesh = _box((40, 60, 100))
+    corners = [*mesh.vertices.tolist(), [stray, 0, 0]]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces]
+    (tmp_path / "box.obj").write_text("\n".join(lines))
+    read = read_mesh(tmp_path / "box.obj")
+    assert len(read.vertices) == 8
+    assert np.abs(read.vertices).max() == pytest.approx(0.05)
+
+
+def test_a_fixed_unit_is_not_advised_to_be_changed(tmp_path: Path) -> None:
+    path = _write(tmp_path, _box(), "box.ply")
+    with pytest.raises(FormatError, match="models are in mm; rescale it") as problem:
+        read_mesh(path, "mm", fixed="models are in mm; ")
+    assert "unit =" not in str(problem.value)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from graspcast.pose.transforms import transform
+from graspcast.pose.transforms import rotation_from_vector, transform
 from graspcast.simulation.grippers import GRIPPERS, FrankaHand, load_gripper
 from graspcast.simulation.grippers.protocol import Closing
 from graspcast.simulation.trial.gripper_conformance import check_gripper
@@ -22,7 +22,7 @@ THREE_JAW = Path(__file__).parents[2] / "data" / "three_jaw.toml"
 def test_the_built_in_hands_and_a_foreign_one_pass(name: str | Path) -> None:
     report = check_gripper(load_gripper(name))
     assert report.passed, str(report)
-    assert len(report.checks) == 12
+    assert len(report.checks) == 13
     assert report.failures == ()
 
 
@@ -84,6 +84,18 @@ def weak(spec: Any) -> None:
     spec.actuators[0].forcerange = (-0.3, 0.3)
 
 
+def unnamed(spec: Any) -> None:
+    spec.actuators[0].name = ""
+
+
+def with_options(spec: Any) -> None:
+    spec.option.timestep, spec.option.impratio = 0.0005, 10
+
+
+def _turned(vector: tuple[float, ...]) -> np.ndarray:
+    return transform(rotation_from_vector(np.array(vector)), np.zeros(3))
+
+
 _steps = itertools.count()
 
 
@@ -94,6 +106,9 @@ def drifting(spec: Any) -> None:
 
 _ONE_SPEC = FrankaHand().spec()
 
+_TCP = FrankaHand().base_T_tcp
+_QUARTER, _OBLIQUE = (_TCP @ _turned((0, 0, angle)) for angle in (np.pi / 2, np.pi / 4))
+_SIDEWAYS = _TCP @ _turned((0, np.pi / 2, 0))
 _BACKWARDS = transform(np.diag([1.0, -1.0, -1.0]), np.array([0, 0, 0.1034]))
 
 
@@ -109,8 +124,13 @@ _BACKWARDS = transform(np.diag([1.0, -1.0, -1.0]), np.array([0, 0, 0.1034]))
         ("opens", {"spec": model(undamped)}, "damping"),
         ("opens", {"spec": model(explosive)}, "unstable within 1 s"),
         ("closes", {"closing": Closing({"fingers": 0.08}, {"fingers": 0.08}, 1.0)}, "no joint"),
+        ("compiles", {"max_opening_m": 80.0}, "is it in millimetres (80 mm)"),
+        ("actuators", {"spec": model(unnamed)}, "has no name"),
+        ("aligned", {"base_T_tcp": _QUARTER}, "along y of the TCP, not along x"),
+        ("aligned", {"base_T_tcp": _OBLIQUE}, "at 45° to x of the TCP"),
+        ("aligned", {"base_T_tcp": _SIDEWAYS}, "along z of the TCP"),
         ("holds", {"base_T_tcp": _BACKWARDS}, "Is the TCP between"),
-        ("holds", {"spec": model(weak)}, "dropped"),
+        ("holds", {"spec": model(weak)}, "N a side, and 1.8 N are needed at a friction of 0.8"),
         ("solid", {"spec": model(crushing)}, "limit its actuators"),
         ("drops", {"spec": model(unlimited)}, "force limit"),
         ("repeats", {"spec": model(drifting)}, "depend on anything"),
@@ -132,3 +152,17 @@ def test_something_that_is_no_gripper_at_all_is_told_what_it_lacks() -> None:
     report = check_gripper(SimpleNamespace(name="spoon"))  # type: ignore[arg-type]
     assert [c.name for c in report.failures] == ["describes"]
     assert "base_T_tcp, closing, equilibrium" in report.failures[0].detail
+
+
+def test_options_of_the_hand_are_said_not_to_count(recwarn: pytest.WarningsRecorder) -> None:
+    report = check_gripper(Altered(FrankaHand(), {"spec": model(with_options)}))
+    (compiles,) = (check for check in report.checks if check.name == "compiles")
+    assert "its own option (timestep 0.0005, impratio 10) does not count" in compiles.detail
+    assert not recwarn.list
+
+
+def test_the_force_of_the_fingers_is_told() -> None:
+    (holds,) = (c for c in check_gripper(FrankaHand()).checks if c.name == "holds")
+    force = float(holds.detail.split("press with ")[1].split(" N")[0])
+    # The drive saturates at the grip force of each finger, and 2 x 30 N is the hand's least.
+    assert 30 < force < 70

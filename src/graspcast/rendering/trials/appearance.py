@@ -10,6 +10,7 @@ from numpy import ndarray
 
 from graspcast.pose.transforms import quaternion
 from graspcast.simulation.grippers.protocol import Gripper
+from graspcast.simulation.mujoco_messages import compile_spec
 from graspcast.simulation.objects.types import ConvexPiece, GraspObject, box_corners
 from graspcast.simulation.trial.recording import State
 
@@ -119,7 +120,7 @@ def _model(
         hand.delete(light)
     carrier = spec.worldbody.add_body(name="hand", mocap=True)
     carrier.add_frame().attach_body(hand.worldbody.first_body(), "hand/", "")
-    model = spec.compile()
+    model = compile_spec(spec, f"the picture of {grasp_object.name!r} and {gripper.name!r}")
     base = int(np.flatnonzero(model.body_parentid == model.body("hand").id)[0])
     model.body_pos[base], model.body_quat[base] = 0.0, (1.0, 0.0, 0.0, 0.0)
     return model

@@ -11,14 +11,14 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray
 
-from graspcast.errors import ExtraMissingError, InputError
+from graspcast.errors import ExtraMissingError, InputError, MismatchError
 from graspcast.rendering.drawing import FAINT, INK, blank, save_png, write
 from graspcast.rendering.trials.film import describe, write_outcome
 from graspcast.rendering.trials.renderer import SceneRenderer
 from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.catalogue import Catalogue, ObjectEntry
-from graspcast.simulation.objects.load import BopDirectories, load_object
+from graspcast.simulation.objects.load import BopDirectories, load_object, why_no_mesh
 from graspcast.simulation.objects.types import GraspObject
 from graspcast.simulation.trial.recording import record_trial
 from graspcast.simulation.trial.trial import Outcome, TrialRunner
@@ -38,11 +38,14 @@ class Cell:
         Text below it; in an empty cell, the reason.
     outcome
         Outcome of the trial, if any.
+    target
+        The object, with the mass and friction of the grasp, if there was a trial.
     """
 
     pixels: UInt8[ndarray, "h w 3"] | None
     note: str
     outcome: Outcome | None = None
+    target: GraspObject | None = None
 
 
 def draw_cells(
@@ -90,7 +93,8 @@ def draw_cells(
             target = load_object(entry.name, bop_dirs=bop_dirs, catalogue=catalogue)
             missing = None
         except (InputError, ExtraMissingError) as error:
-            missing = Cell(None, "no mesh" if entry.mesh is None else str(error))
+            absent = entry.mesh is None and why_no_mesh(entry, bop_dirs)
+            missing = Cell(None, "no mesh" if absent else str(error))
         for gripper in grippers:
             pair = (entry.name, gripper.name)
             if pair not in grasps:
@@ -98,7 +102,10 @@ def draw_cells(
             elif missing is not None:
                 cells[pair] = missing
             else:
-                cells[pair] = _draw_cell(target, gripper, grasps(*pair), size, collision)
+                try:
+                    cells[pair] = _draw_cell(target, gripper, grasps(*pair), size, collision)
+                except MismatchError as error:
+                    cells[pair] = Cell(None, str(error))
             if progress is not None:
                 progress(len(cells) / total, f"{entry.name} by {gripper.name}")
     return cells
@@ -107,12 +114,13 @@ def draw_cells(
 def _draw_cell(
     target: GraspObject, gripper: Gripper, reference: ReferenceGrasp, size: int, collision: bool
 ) -> Cell:
-    runner = TrialRunner(reference.applied_to(target), gripper)
+    target = reference.applied_to(target)
+    runner = TrialRunner(target, gripper)
     recording = record_trial(runner, np.eye(4), reference.grasp)
     state = (recording.of("close") or recording.states)[-1]
     with SceneRenderer(target, gripper, width=size, height=size, collision=collision) as renderer:
         pixels = renderer.image(state, renderer.close_up(state))
-    return Cell(pixels, describe(recording.outcome), recording.outcome)
+    return Cell(pixels, describe(recording.outcome), recording.outcome, target)
 
 
 def save_sheet(

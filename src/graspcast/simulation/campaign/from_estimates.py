@@ -79,17 +79,20 @@ def trials_from_estimates(
                 true = truth.cam_T_obj[matched[rows]]
                 poses.append(compose(invert(true), table.cam_T_obj[rows]))
     table_of_keys, obj_T_est = pl.concat(keys), np.concatenate(poses)
+    without_grasp = ""
     if grasps is not None:
         pairs = table_of_keys.select(pl.format("{}-{}", "dataset", "obj_id"), "gripper").rows()
         has = np.array([pair in grasps for pair in pairs], dtype=bool)
         if not has.all():
             lacking = sorted({pairs[i] for i in np.flatnonzero(~has).tolist()})
-            names = ", ".join(f"{name} by {gripper}" for name, gripper in lacking)
-            notes.append(f"left out {int((~has).sum())} trials without a reference grasp: {names}")
+            without_grasp = ", ".join(f"{name} by {gripper}" for name, gripper in lacking)
+            left_out = int((~has).sum())
+            notes.append(f"left out {left_out} trials without a reference grasp: {without_grasp}")
         table_of_keys, obj_T_est = table_of_keys.filter(has), obj_T_est[has]
     if not len(table_of_keys):
         raise MismatchError(
-            "no estimate has both a ground truth and a reference grasp",
+            "no estimate has both a ground truth and a reference grasp"
+            + (f"; write grasps of {without_grasp} in a TOML file" if without_grasp else ""),
             parameters=("estimates", "grasps"),
         )
     return TrialRequests(table_of_keys, obj_T_est)

@@ -10,18 +10,18 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from graspcast.errors import InputError
+from graspcast.errors import InputError, MismatchError
 from graspcast.io.hashing import sha256
 from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.grasps.table import GraspTable
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.grippers.protocol import Gripper
-from graspcast.simulation.objects.catalogue import Catalogue
-from graspcast.simulation.objects.load import BopDirectories, load_object
+from graspcast.simulation.objects.catalogue import Catalogue, read_catalogue
+from graspcast.simulation.objects.load import BopDirectories, load_object, why_no_mesh
 from graspcast.simulation.objects.types import Grasp, GraspObject
 from graspcast.simulation.trial.trial import Outcome, TrialRunner, TrialSettings
 
-__all__ = ["Batch", "TrialSetup", "load_setups", "run_batch"]
+__all__ = ["Batch", "TrialSetup", "available_trials", "load_setups", "run_batch"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +135,49 @@ def load_setups(
         )
         for (name, gripper), reference in references.items()
     }
+
+
+def available_trials(
+    requests: TrialRequests,
+    notes: list[str],
+    *,
+    bop_dirs: BopDirectories | None = None,
+    catalogue: Catalogue | None = None,
+) -> TrialRequests:
+    """Leave out the trials of objects that are in no catalogue or without a mesh.
+
+    Parameters
+    ----------
+    requests
+        The trials.
+    notes
+        A message on each such object, with the number of its trials, is appended to it.
+    bop_dirs, catalogue
+        As for :func:`~graspcast.simulation.objects.load.load_object`.
+
+    Raises
+    ------
+    MismatchError
+        If no trial is left; the message says why.
+    """
+    catalogue = read_catalogue() if catalogue is None else catalogue
+    why: dict[str, str] = {}
+    for name in dict.fromkeys(name for name, _ in requests.pairs()):
+        known = name in catalogue
+        reason = why_no_mesh(catalogue[name], bop_dirs) if known else "it is not in the catalogue"
+        if reason:
+            why[name] = reason
+    if not why:
+        return requests
+    names = requests.keys["object"]
+    if len(why) == names.n_unique():
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in why.items())
+        raise MismatchError(
+            f"no object can be simulated: {reasons}", parameters=("catalogue", "bop")
+        )
+    for name, reason in why.items():
+        notes.append(f"left out {int((names == name).sum())} trials of {name}: {reason}")
+    return requests.select(np.flatnonzero(~names.is_in(list(why)).to_numpy()))
 
 
 _runners: dict[str, TrialRunner] = {}

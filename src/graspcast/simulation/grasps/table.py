@@ -17,6 +17,7 @@ from graspcast.io.files import write_text
 from graspcast.io.toml import TomlTable, read_toml
 from graspcast.pose.transforms import quaternion, rotation_from_quaternion, transform
 from graspcast.simulation.objects.load import with_physics
+from graspcast.simulation.objects.plausibility import check_density, check_grasp_is_near
 from graspcast.simulation.objects.types import Grasp, GraspObject
 
 __all__ = ["GraspTable", "ReferenceGrasp", "grasps_in", "read_grasps", "write_grasps"]
@@ -52,7 +53,18 @@ class ReferenceGrasp:
     agreement: Mapping[str, Figure] = field(default_factory=dict)
 
     def applied_to(self, grasp_object: GraspObject) -> GraspObject:
-        """Return the object with the mass and friction of this grasp."""
+        """Return the object with the mass and friction of this grasp.
+
+        Raises
+        ------
+        InputError
+            If the grasp is nowhere near the object, or its mass does not fit the object's volume.
+        """
+        check_grasp_is_near(self.grasp, grasp_object)
+        if self.mass_kg is not None and grasp_object.volume_m3 > 0:
+            across = float(np.ptp(grasp_object.vertices, axis=0).max())
+            what = f"the grasp of {self.grasp.object!r} by {self.grasp.gripper!r}"
+            check_density(what, self.mass_kg, grasp_object.volume_m3, across)
         return with_physics(grasp_object, mass_kg=self.mass_kg, friction=self.friction)
 
 
@@ -81,7 +93,8 @@ class GraspTable:
                 f"grasp of {object_name!r} by",
                 gripper,
                 [g for o, g in self._grasps if o == object_name],
-                hint="Add it to a TOML file of grasps, or search for one (fit_grasp)",
+                hint="Write it in a TOML file of grasps (object, gripper, position_m, quaternion, "
+                "provenance)",
                 parameters=("grasps",),
             )
         return reference
@@ -115,7 +128,8 @@ class GraspTable:
         if not known or (strict and len(known) < len(pairs)):
             lacking = ", ".join(f"{o} by {g}" for o, g in pairs if (o, g) not in self)
             raise InputError(
-                f"no reference grasp of {lacking}; an object of a dataset is named DATASET-NUMBER",
+                f"no reference grasp of {lacking}; an object of a dataset is named DATASET-NUMBER, "
+                "in grasps and catalogue too; write grasps in a TOML file",
                 parameters=("objects", "grasps"),
             )
         return known

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from os import PathLike
 from pathlib import Path
 
-from graspcast.errors import UnknownNameError
+from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.simulation.grippers.franka import FrankaHand
 from graspcast.simulation.grippers.mjcf import MjcfGripper
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.grippers.tendon_hand import TendonHand
 
-__all__ = ["GRIPPERS", "FrankaHand", "MjcfGripper", "TendonHand", "load_gripper"]
+__all__ = ["GRIPPERS", "FrankaHand", "MjcfGripper", "TendonHand", "load_gripper", "load_grippers"]
 
 GRIPPERS: dict[str, Callable[[], Gripper]] = {"parallel": FrankaHand, "underactuated": TendonHand}
 """Built-in grippers by the paper's names."""
@@ -34,11 +34,18 @@ def load_gripper(name_or_path: str | PathLike[str]) -> Gripper:
     UnknownNameError
         If there is no such built-in gripper.
     FormatError
-        If the TOML or MJCF file does not describe a gripper.
+        If the TOML or MJCF file does not describe a gripper, or has the name of a built-in one.
     """
     path = Path(name_or_path)
     if path.suffix == ".toml":
-        return MjcfGripper.from_toml(path)
+        custom = MjcfGripper.from_toml(path)
+        if custom.name in (*GRIPPERS, *_OTHER_NAMES):
+            raise FormatError(
+                path,
+                f"name is {custom.name!r}, which is that of a built-in gripper; its outcomes and "
+                "reference grasps would be taken for those of this one: give another name",
+            )
+        return custom
     name = _OTHER_NAMES.get(str(name_or_path), str(name_or_path))
     if name not in GRIPPERS:
         raise UnknownNameError(
@@ -49,3 +56,25 @@ def load_gripper(name_or_path: str | PathLike[str]) -> Gripper:
             parameters=("gripper",),
         )
     return GRIPPERS[name]()
+
+
+def load_grippers(names_or_paths: Iterable[str | PathLike[str]]) -> dict[str, Gripper]:
+    """Load several grippers, by name.
+
+    Raises
+    ------
+    InputError
+        As :func:`load_gripper`, or if two have one name; the message names both.
+    """
+    grippers: dict[str, Gripper] = {}
+    given: dict[str, str | PathLike[str]] = {}
+    for source in names_or_paths:
+        gripper = load_gripper(source)
+        if gripper.name in grippers:
+            raise InputError(
+                f"two grippers are called {gripper.name!r}: {given[gripper.name]} and {source}; "
+                "give each once, and another name",
+                parameters=("gripper",),
+            )
+        grippers[gripper.name], given[gripper.name] = gripper, source
+    return grippers

@@ -20,6 +20,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -32,7 +33,9 @@ from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.io.reading import MAX_TEXT_BYTES, check_regular, read_bytes
 from graspcast.io.toml import TomlTable, read_toml
 from graspcast.pose.transforms import transform
+from graspcast.simulation.grippers.dimensions import size_problem
 from graspcast.simulation.grippers.protocol import Closing, Equilibrium
+from graspcast.simulation.mujoco_messages import compile_spec, one_line, quiet_mujoco
 
 __all__ = ["MjcfGripper"]
 
@@ -58,21 +61,33 @@ class MjcfGripper:
         InputError
             If the MJCF file does not exist.
         FormatError
-            If the TOML file is not valid, MuJoCo cannot compile the MJCF, or the MJCF does not have
-            exactly one root body without joint.
+            If the TOML file is not valid or does not fit the hand, MuJoCo cannot compile the MJCF,
+            or the MJCF does not have exactly one root body without joint, and names of actuators.
         UnknownNameError
             If the MJCF lacks an actuator or the site.
         """
         path = Path(path)
         table = TomlTable(path, "the gripper", read_toml(path))
+        try:
+            return cls._from_table(path, table)
+        except UnicodeDecodeError as error:  # MuJoCo gives names as they are in the file
+            where = path.parent / str(table.values.get("model"))
+            raise FormatError(where, "has a name that is not UTF-8") from error
+
+    @classmethod
+    def _from_table(cls, path: Path, table: TomlTable) -> MjcfGripper:
         model = path.parent / str(table.take("model", str))
         spec = _load(model)
         compiled = _compile(spec, model)
         closing = _section(path, "closing", Closing, table.take("closing", dict))
         _check_actuators(path, model, [a.name for a in spec.actuators], closing)
+        _check_commands(path, compiled, closing)
         equilibrium = table.take("equilibrium", dict, {})
+        name = str(table.take("name", str))
+        if not name.strip():
+            raise table.error("name", "is empty; outcomes and grasps refer to the gripper by it")
         gripper = cls(
-            name=table.take("name", str),
+            name=name,
             model=model,
             base_T_tcp=_tcp(path, compiled, table.take("tcp_site", str)),
             max_opening_m=table.number("max_opening_m", lambda x: x > 0, "above zero"),
@@ -81,6 +96,8 @@ class MjcfGripper:
             self_collision=table.take("self_collision", bool, False),
         )
         table.nothing_else()
+        if problem := size_problem(compiled, gripper.max_opening_m):
+            raise FormatError(path, problem)
         return gripper
 
     def spec(self) -> Any:
@@ -90,6 +107,14 @@ class MjcfGripper:
 
 def _check_actuators(path: Path, model: Path, actuators: list[str], closing: Closing) -> None:
     """Raise unless the closing command names exactly the actuators of the model."""
+    if not actuators:
+        raise FormatError(model, "has no actuator, so the hand cannot close")
+    if unnamed := actuators.count(""):
+        raise FormatError(
+            model,
+            f"{unnamed} of its {len(actuators)} actuators have no name; give each a name=..., by "
+            f"which [closing] in {path.name} sets its control",
+        )
     for name in closing.open:
         if name not in actuators:
             raise UnknownNameError("actuator", name, actuators, hint=f"See {path} and {model}.")
@@ -102,7 +127,32 @@ def _check_actuators(path: Path, model: Path, actuators: list[str], closing: Clo
         )
 
 
+def _check_commands(path: Path, compiled: Any, closing: Closing) -> None:
+    """Raise if a control lies outside of its actuator's range, to which MuJoCo would clamp it."""
+    for which, controls in (("open", closing.open), ("close", closing.close)):
+        for name, value in controls.items():
+            actuator = compiled.actuator(name)
+            low, high = map(float, actuator.ctrlrange)
+            slack = 1e-6 + 1e-3 * (high - low)
+            if actuator.ctrllimited[0] and not low - slack <= value <= high + slack:
+                raise FormatError(
+                    path,
+                    f"{which} sets {name} to {value:g}, outside of its ctrlrange {low:g} to "
+                    f"{high:g}; controls are in the actuator's own unit, of a slide metres",
+                    where="[closing]",
+                )
+
+
 def _section(path: Path, name: str, kind: type[Any], values: dict[str, Any]) -> Any:
+    table = TomlTable(path, f"[{name}]", values)
+    for key, value in values.items():
+        # The wrong type of a known key; unknown keys are an error below.
+        if key in ("open", "close"):
+            inner = TomlTable(path, f"[{name}] {key}", value)
+            for actuator in inner.values:
+                inner.number(actuator, lambda _: True, "a number")
+        elif key in kind.__dataclass_fields__:
+            table.number(key, lambda _: True, "a number")
     try:
         return kind(**values)
     except TypeError as error:
@@ -118,10 +168,13 @@ def _load(model: Path) -> Any:
     if not model.exists():
         raise InputError(f"{model}: there is no such file; the TOML's key 'model' names it")
     _check_files(model)
+    quiet_mujoco()
     try:
-        return mujoco.MjSpec.from_file(str(model))
-    except ValueError as error:
-        raise FormatError(model, f"is not MJCF that MuJoCo reads: {error}") from error
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return mujoco.MjSpec.from_file(str(model))
+    except (ValueError, TypeError, RuntimeError) as error:  # also of bytes that are not UTF-8
+        raise FormatError(model, f"is not MJCF that MuJoCo reads: {one_line(error)}") from error
 
 
 _FILE = re.compile(r"""\bfile\s*=\s*["']([^"']+)""")
@@ -151,9 +204,9 @@ def _compile(spec: Any, model: Path) -> Any:
             model, f"must have one root body, the hand's base, without a joint; it has {found}"
         )
     try:
-        return spec.compile()
-    except ValueError as error:
-        raise FormatError(model, f"does not compile: {error}") from error
+        return compile_spec(spec, "it")
+    except InputError as error:
+        raise FormatError(model, str(error)) from error
 
 
 def _tcp(path: Path, compiled: Any, site: str) -> Float[ndarray, "4 4"]:

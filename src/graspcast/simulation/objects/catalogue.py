@@ -78,10 +78,20 @@ class Catalogue(Mapping[str, ObjectEntry]):
         ------
         UnknownNameError
             If there is none; the message lists the entries.
+        InputError
+            If several have the label.
         """
-        for entry in self._entries.values():
-            if name in (entry.name, entry.label):
-                return entry
+        if (named := self._entries.get(str(name))) is not None:
+            return named
+        labelled = [entry for entry in self._entries.values() if entry.label == name]
+        if len(labelled) == 1:
+            return labelled[0]
+        if labelled:
+            names = ", ".join(entry.name for entry in labelled)
+            raise InputError(
+                f"{len(labelled)} objects have the label {name!r}; give one of the names {names}",
+                parameters=("object", "objects", "catalogue"),
+            )
         raise UnknownNameError(
             "object",
             name,
@@ -107,7 +117,7 @@ def read_catalogue(path: str | PathLike[str] | None = None) -> Catalogue:
 
         [objects.mug]
         mesh = "mug.stl"        # beside this file; or dataset = "ycbv" and obj_id = 14
-        unit = "mm"             # or "m"; detected if left out
+        unit = "mm"             # or "cm", "m", "inch"; if left out, mm or m, whichever fits
         mass_kg = 0.118
         mass_source = "kitchen scales"
         friction = 0.6
@@ -116,7 +126,8 @@ def read_catalogue(path: str | PathLike[str] | None = None) -> Catalogue:
         collision = { pieces = 8, threshold = 0.08 }
 
     ``collision`` may list primitives instead, each with a ``kind`` (box, cylinder, sphere), its
-    ``size_m`` as in MuJoCo, ``position_m`` and ``quaternion`` (wxyz)::
+    ``size_m`` as in MuJoCo (half of each side of a box; radius and half height of a cylinder;
+    radius of a sphere), ``position_m`` and ``quaternion`` (wxyz)::
 
         collision = { primitives = [{ kind = "cylinder", size_m = [0.034, 0.051] }] }
 
@@ -157,6 +168,12 @@ def _entry(path: Path, name: str, table: Any) -> ObjectEntry:
         ycb=reader.take("ycb", str, None),
     )
     reader.nothing_else()
+    if entry.mesh is None and entry.unit not in ("auto", "mm"):
+        raise reader.error(
+            "unit",
+            f"is {entry.unit!r}, but the models of a BOP dataset are in millimetres everywhere; "
+            "rescale the models, or name a mesh of another unit with the key 'mesh'",
+        )
     if entry.mesh is None and (entry.dataset is None or entry.obj_id is None):
         raise reader.error("mesh", "is missing; name a file, or a dataset and its obj_id")
     return entry

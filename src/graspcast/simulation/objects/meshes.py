@@ -1,9 +1,10 @@
-"""Meshes of graspable objects (STL, OBJ or PLY, millimetres or metres) and their inertia."""
+"""Meshes of graspable objects (STL, OBJ, PLY or GLB, in a known unit) and their inertia."""
 
 from __future__ import annotations
 
 import io
 import logging
+import warnings
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -16,18 +17,17 @@ from numpy import ndarray
 from graspcast.bop.meshes import Mesh
 from graspcast.errors import FormatError, InputError
 from graspcast.io.reading import read_bytes
+from graspcast.pose.lengths import METRES, fitting_units, shown, unit_problem
+from graspcast.simulation.objects.plausibility import GRASPABLE
 
 __all__ = ["MassProperties", "Unit", "mass_properties", "open_edges", "read_mesh"]
 
 _log = logging.getLogger(__name__)
 
-Unit = Literal["auto", "mm", "m"]
+Unit = Literal["auto", "mm", "cm", "m", "inch"]
 
-SMALLEST_M, LARGEST_M = 0.005, 1.0
-"""Range of the largest side of the bounding box that a single hand can grasp."""
-
-_METRES = {"mm": 1e-3, "m": 1.0}
-_SUFFIXES = (".stl", ".obj", ".ply")
+_DETECTED = ("mm", "m")
+_SUFFIXES = (".stl", ".obj", ".ply", ".glb")
 _VOLUME_TOLERANCE = 0.01
 
 
@@ -50,11 +50,21 @@ class MassProperties:
     inertia: Float[ndarray, "3 3"]
 
 
-def read_mesh(path: str | PathLike[str], unit: Unit = "auto") -> Mesh:
-    """Read a triangle mesh into metres, with duplicate vertices merged.
+def read_mesh(path: str | PathLike[str], unit: Unit = "auto", *, fixed: str = "") -> Mesh:
+    """Read a triangle mesh into metres, with duplicate vertices merged and unused ones left out.
 
     Mesh files state no unit. ``"auto"`` chooses the one of millimetres and metres in which the
     object has a graspable size (5 mm to 1 m), and logs it at level INFO.
+
+    Parameters
+    ----------
+    path
+        The file.
+    unit
+        Its unit.
+    fixed
+        Why the unit cannot be another one, for the message if it does not fit; then the mesh is to
+        be rescaled.
 
     Raises
     ------
@@ -66,8 +76,12 @@ def read_mesh(path: str | PathLike[str], unit: Unit = "auto") -> Mesh:
     if path.suffix.lower() not in _SUFFIXES:
         raise FormatError(path, f"a mesh should end in {', '.join(_SUFFIXES)}")
     vertices, faces = _load(path)
-    extent = float(np.ptp(vertices[faces].reshape(-1, 3), axis=0).max())
-    chosen = _unit(path, extent, unit)
+    # A vertex that no face uses, as scans have them, is not part of the surface.
+    used, number = np.unique(faces, return_inverse=True)
+    vertices, faces = vertices[used], number.reshape(-1, 3)
+    if not np.isfinite(vertices).all():
+        raise FormatError(path, "has coordinates that are not finite numbers")
+    chosen = _unit(path, float(np.ptp(vertices, axis=0).max()), unit, fixed)
     if unit == "auto":
         _log.info("%s: read as %s", path.name, chosen)
     # STL repeats every vertex, PLY those along texture seams; topology needs them once.
@@ -77,7 +91,7 @@ def read_mesh(path: str | PathLike[str], unit: Unit = "auto") -> Mesh:
     faces = faces[~degenerate]
     if not len(faces):
         raise FormatError(path, "every one of its triangles has two equal corners")
-    return Mesh(vertices * _METRES[chosen], faces)
+    return Mesh(vertices * METRES[chosen], faces)
 
 
 def _load(path: Path) -> tuple[ndarray, ndarray]:
@@ -87,9 +101,12 @@ def _load(path: Path) -> tuple[ndarray, ndarray]:
     try:
         options: Any = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
         kind = path.suffix[1:].lower()
-        loaded: Any = trimesh.load(
-            io.BytesIO(content), file_type=kind, process=False, force="mesh", **options
-        )
+        # trimesh and NumPy warn about files that are then refused, or repaired below.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            loaded: Any = trimesh.load(
+                io.BytesIO(content), file_type=kind, process=False, force="mesh", **options
+            )
         vertices = np.array(loaded.vertices, dtype=np.float64)
         faces = np.array(getattr(loaded, "faces", ()), dtype=np.int64).reshape(-1, 3)
     except Exception as error:  # trimesh raises whatever its parser met
@@ -98,31 +115,30 @@ def _load(path: Path) -> tuple[ndarray, ndarray]:
         raise FormatError(path, "has no triangles; a grasp needs a surface, not a point cloud")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise FormatError(path, f"a face names a vertex beyond the {len(vertices)} there are")
-    if not np.isfinite(vertices).all():
-        raise FormatError(path, "has coordinates that are not finite numbers")
     return vertices, faces
 
 
-def _unit(path: Path, extent: float, unit: Unit) -> str:
-    graspable = [u for u, metres in _METRES.items() if SMALLEST_M <= extent * metres <= LARGEST_M]
-    if unit != "auto":
-        if unit not in _METRES:
-            raise FormatError(path, f"its unit {unit!r} should be 'mm', 'm' or 'auto'")
-        if unit not in graspable:
-            remedy = f"it would fit as unit = '{graspable[0]}'" if graspable else "rescale it"
-            raise FormatError(
-                path,
-                f"is {extent * _METRES[unit]:.3g} m across when read in {unit}, and a hand grasps "
-                f"{SMALLEST_M} to {LARGEST_M} m; {remedy}",
-            )
-        return unit
-    if not graspable:
+def _unit(path: Path, extent: float, unit: Unit, fixed: str) -> str:
+    if unit == "auto":
+        for detected in _DETECTED:
+            if GRASPABLE.fits(extent * METRES[detected]):
+                return detected
+        others = [u for u in METRES if GRASPABLE.fits(extent * METRES[u])]
+        as_others = " or ".join(f"unit = '{u}' ({shown(extent * METRES[u])})" for u in others)
         raise FormatError(
             path,
-            f"is {extent:.3g} across, and a hand grasps {SMALLEST_M} to {LARGEST_M} m, so it is "
-            "neither in millimetres nor in metres; rescale it",
+            f"is {extent:.3g} across, and {GRASPABLE.says}, so it is neither in millimetres nor in "
+            f"metres; {f'give {as_others}, or ' if others else ''}rescale it",
         )
-    return graspable[0]
+    if unit not in METRES:
+        known = ", ".join(f"'{u}'" for u in METRES)
+        raise FormatError(path, f"its unit {unit!r} should be {known} or 'auto'")
+    across = extent * METRES[unit]
+    if problem := unit_problem("its largest side", across, GRASPABLE, unit=unit):
+        likely = fitting_units(across, GRASPABLE, unit=unit)
+        remedy = f"{fixed}rescale it" if fixed or not likely else f"give unit = '{likely[0][0]}'"
+        raise FormatError(path, f"{problem.removesuffix('?')}; {remedy}")
+    return unit
 
 
 def open_edges(faces: Int[ndarray, "f 3"]) -> tuple[Int[ndarray, "e 2"], Int[ndarray, " e"]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -109,6 +110,12 @@ class GraspObject:
         if not np.all(np.isfinite(self.inertia)) or np.linalg.eigvalsh(self.inertia)[0] <= 0:
             raise InputError(f"{who}: its inertia is not positive definite; is its mesh closed?")
         check_rigid(self.sim_T_ref, f"{who}: its reference pose")
+
+    @cached_property
+    def volume_m3(self) -> float:
+        """Volume that the mesh encloses; zero without faces."""
+        a, b, c = np.moveaxis(self.vertices[self.faces] - self.centroid, 1, 0)
+        return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
 
 
 @dataclass(frozen=True, eq=False)

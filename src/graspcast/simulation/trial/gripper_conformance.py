@@ -11,7 +11,9 @@ import numpy as np
 
 from graspcast.errors import GraspcastError
 from graspcast.io.conformance import Check, Report, UnmetError
+from graspcast.simulation.grippers.dimensions import size_problem
 from graspcast.simulation.grippers.protocol import Gripper
+from graspcast.simulation.mujoco_messages import compile_spec
 from graspcast.simulation.objects.types import (
     Grasp,
     GraspObject,
@@ -20,9 +22,14 @@ from graspcast.simulation.objects.types import (
     check_rigid,
 )
 from graspcast.simulation.trial.scene import Scene
+from graspcast.simulation.trial.settings import TrialSettings
 from graspcast.simulation.trial.trial import Outcome, TrialRunner
 
 __all__ = ["GripperReport", "check_gripper", "standing_column"]
+
+
+_MUJOCO = {"timestep": 0.002, "impratio": 1.0}
+"""MuJoCo's defaults, which a model without an option of its own has."""
 
 
 class GripperReport(Report):
@@ -32,6 +39,8 @@ class GripperReport(Report):
 
 
 _DEEPEST_M = 0.003
+_GRAVITY = 9.81
+_MOSTLY, _CLEARLY, _ALIGNED_DEG = 0.8, 2.0, 30.0
 
 
 def check_gripper(gripper: Gripper) -> GripperReport:
@@ -46,6 +55,7 @@ def check_gripper(gripper: Gripper) -> GripperReport:
     touches    at least one of its geoms collides
     opens      it opens and comes to rest
     closes     it closes and comes to rest
+    aligned    its fingers close along x of the TCP
     reopens    it opens again
     holds      it holds a column half as wide as its opening through the lift
     solid      it does not penetrate the column
@@ -120,17 +130,31 @@ def _compiles(gripper: Gripper, bench: dict[str, Any]) -> str:
         raise UnmetError(
             f"needs one root body, the hand's base, without a joint; it has {len(roots)}"
         )
-    try:
-        bench["model"] = spec.compile()
-    except ValueError as error:
-        raise UnmetError(f"MuJoCo does not compile it: {error}") from error
-    return f"{bench['model'].nv} degrees of freedom, {bench['model'].nu} actuators"
+    remarks: list[str] = []
+    model = bench["model"] = compile_spec(spec, "its model", remarks)
+    if problem := size_problem(model, gripper.max_opening_m):
+        raise UnmetError(problem)
+    parts = [f"{model.nv} degrees of freedom, {model.nu} actuators"]
+    if remarks:
+        parts.append(f"MuJoCo remarks: {' / '.join(remarks)}")
+    settings = TrialSettings()
+    own = {name: getattr(model.opt, name) for name in ("timestep", "impratio")}
+    if any(own[name] not in (_MUJOCO[name], getattr(settings, name)) for name in own):
+        parts.append(
+            "its own option ("
+            + ", ".join(f"{name} {value:g}" for name, value in own.items())
+            + ") does not count in trials, which have theirs "
+            f"({settings.timestep:g}, {settings.impratio:g})"
+        )
+    return "; ".join(parts)
 
 
 def _actuators(gripper: Gripper, bench: dict[str, Any]) -> str:
     model, commanded = bench["model"], set(gripper.closing.open)
     there = {model.actuator(i).name for i in range(model.nu)}
     if commanded != there:
+        if "" in there:
+            raise UnmetError("an actuator of the model has no name; commands go by name")
         raise UnmetError(
             f"commands name {sorted(commanded)}, the model's actuators are {sorted(there)}"
         )
@@ -150,7 +174,7 @@ def _opens(gripper: Gripper, bench: dict[str, Any]) -> str:
     bench["runner"] = TrialRunner(standing_column(bench["width"]), gripper)
     bench["hand"] = hand = _ParkedHand(bench["runner"].scene)
     hand.command(gripper.closing.open, 0.5)
-    bench["open"] = hand.scene.posture()
+    bench["open"], bench["open points"] = hand.scene.posture(), hand.scene.hand_points()
     speed = hand.scene.hand_speed()
     if speed > 1e-3:
         raise UnmetError(
@@ -165,6 +189,7 @@ def _closes(gripper: Gripper, bench: dict[str, Any]) -> str:
     hand.ramp(closing.open, closing.close, closing.seconds)
     hand.command(closing.close, gripper.equilibrium.limit_s)
     moved = float(np.abs(hand.scene.posture() - bench["open"]).max())
+    bench["closed points"] = hand.scene.hand_points()
     if moved < 0.1 * gripper.max_opening_m:
         raise UnmetError(
             f"no joint moved by more than {1e3 * moved:.1f} mm on its way from open to closed; "
@@ -176,6 +201,30 @@ def _closes(gripper: Gripper, bench: dict[str, Any]) -> str:
             f"after {gripper.equilibrium.limit_s:g} s"
         )
     return f"moves a joint by {1e3 * moved:.0f} mm and comes to rest"
+
+
+def _aligned(gripper: Gripper, bench: dict[str, Any]) -> str:
+    if "closed points" not in bench:
+        raise UnmetError("unknown, as the hand was not seen closed")
+    # In the TCP's frame: how much the parts of the hand move along each axis, and between them.
+    motion = (bench["closed points"] - bench["open points"]) @ gripper.base_T_tcp[:3, :3]
+    spread = motion.T @ motion
+    share = np.diag(spread) / max(float(np.trace(spread)), 1e-12)
+    direction = f"{share[0]:.0%} of their motion is along x of the TCP, {share[1]:.0%} along y"
+    if share[2] > _MOSTLY and share[0] < 1 - _MOSTLY:
+        raise UnmetError(
+            "from open to closed the fingers move along z of the TCP, not along x; z is the "
+            "direction out along the fingers, x that in which they close: turn the TCP's frame"
+        )
+    low, high = np.linalg.eigvalsh(spread[:2, :2])
+    angle = 0.5 * np.degrees(np.arctan2(2 * spread[0, 1], spread[0, 0] - spread[1, 1]))
+    if high > _CLEARLY * low and abs(angle) > _ALIGNED_DEG:
+        axis = "along y" if abs(angle) > 90 - _ALIGNED_DEG else f"at {abs(angle):.0f}° to x"
+        raise UnmetError(
+            f"from open to closed the fingers move {axis} of the TCP, not along x: reference "
+            f"grasps would be tried turned by {abs(angle):.0f}°; turn the TCP's frame about its z"
+        )
+    return f"the fingers close along x of the TCP ({direction})"
 
 
 def _reopens(gripper: Gripper, bench: dict[str, Any]) -> str:
@@ -197,20 +246,36 @@ def _grasp(gripper: Gripper, width: float, raised_m: float = 0.0) -> Grasp:
 
 def _holds(gripper: Gripper, bench: dict[str, Any]) -> str:
     width, runner = bench["width"], bench["runner"]
-    depths = [0.0]
+    depths, pressed = [0.0], [0.0]
 
     def watch(model: Any, data: Any, phase: str) -> None:
         depths.append(runner.scene.hand_overlap_m())
+        if phase == "close":
+            pressed.append(runner.scene.grip_n())
 
     outcome = runner.run(np.eye(4), _grasp(gripper, width), early_stop=False, record=watch)
     bench["held"], bench["depth"] = outcome, max(depths)
-    if not outcome.success:
-        raise UnmetError(
-            f"a column of {1e3 * width:.0f} mm and 0.3 kg, grasped without error, was "
-            f"{outcome.reason} (offset {1e3 * outcome.offset_m:.0f} mm). Is the TCP between the "
-            "fingertips, its z out along the fingers, its x the direction of closing?"
+    column = runner.grasp_object
+    needed = column.mass_kg * _GRAVITY / (2 * column.friction)
+    press = f"the fingers press with {pressed[-1]:.1f} N a side"
+    if outcome.success:
+        return (
+            f"a column of {1e3 * width:.0f} mm moved by {1e3 * outcome.offset_m:.1f} mm in the "
+            f"hand; {press}"
         )
-    return f"a column of {1e3 * width:.0f} mm moved by {1e3 * outcome.offset_m:.1f} mm in the hand"
+    what = (
+        f"a column of {1e3 * width:.0f} mm and {column.mass_kg:g} kg, grasped without error, was "
+        f"{outcome.reason} (offset {1e3 * outcome.offset_m:.0f} mm)"
+    )
+    if 0 < pressed[-1] < needed:
+        raise UnmetError(
+            f"{what}: {press}, and {needed:.1f} N are needed at a friction of "
+            f"{column.friction:g}; give the actuators more force (gain, forcerange)"
+        )
+    raise UnmetError(
+        f"{what}; {press if pressed[-1] else 'the fingers do not press on it'}. Is the TCP between "
+        "the fingertips, its z out along the fingers, its x the direction of closing?"
+    )
 
 
 def _solid(gripper: Gripper, bench: dict[str, Any]) -> str:
@@ -267,6 +332,7 @@ _CHECKS: tuple[tuple[str, Callable[[Gripper, dict[str, Any]], str]], ...] = (
     ("touches", _touches),
     ("opens", _opens),
     ("closes", _closes),
+    ("aligned", _aligned),
     ("reopens", _reopens),
     ("holds", _holds),
     ("solid", _solid),

@@ -17,6 +17,7 @@ from numpy import ndarray
 from graspcast.errors import MismatchError
 from graspcast.pose.transforms import invert, quaternion, rotation_from_quaternion
 from graspcast.simulation.grippers.protocol import Gripper
+from graspcast.simulation.mujoco_messages import compile_spec
 from graspcast.simulation.objects.types import ConvexPiece, GraspObject, box_corners
 from graspcast.simulation.trial.scene_spec import ARM_STIFFNESS, scene_spec
 from graspcast.simulation.trial.settings import TrialSettings
@@ -172,6 +173,29 @@ class Scene:
         speeds = self.data.qvel[self.model.jnt_dofadr[self.hand_joints]] * self.joint_levers
         return float(np.abs(speeds).max())
 
+    def hand_points(self) -> Float[ndarray, "p 3"]:
+        """Return points fixed to the moving parts of the hand, in its base frame, metres."""
+        chosen = np.flatnonzero((self.kind == HAND) & (self.model.geom_bodyid != self.base_body))
+        rotation = self.data.geom_xmat[chosen].reshape(-1, 3, 3)
+        local = self.model.geom_aabb[chosen]
+        corners = local[:, None, :3] + box_corners(local[:, 3:])
+        points = self.data.geom_xpos[chosen][:, None] + np.einsum("gij,gkj->gki", rotation, corners)
+        base = self.data.xmat[self.base_body].reshape(3, 3)
+        in_base: ndarray = (points.reshape(-1, 3) - self.data.xpos[self.base_body]) @ base
+        return in_base
+
+    def grip_n(self) -> float:
+        """Return the horizontal force with which the hand presses on each side of the object, N.
+
+        Half of the sum over all contacts, as if there were two sides.
+        """
+        total, force = 0.0, np.zeros(6)
+        kinds = self.kind[self.data.contact.geom].sum(axis=1) if self.data.ncon else []
+        for i in np.flatnonzero(np.asarray(kinds) == HAND + OBJECT).tolist():
+            mujoco.mj_contactForce(self.model, self.data, i, force)
+            total += force[0] * float(np.linalg.norm(self.data.contact.frame[i, :2]))
+        return total / 2
+
     def hand_boxes(self) -> tuple[ndarray, ndarray]:
         """Return the bounding boxes of the hand's geoms: lower and upper corners, (g, 3)."""
         return self._boxes(HAND)
@@ -206,10 +230,6 @@ class Scene:
         )
 
 
-def _ignore(message: str) -> None:
-    """Ignore MuJoCo's warnings of instability, which is an outcome of a trial."""
-
-
 def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSettings) -> Scene:
     """Compile the scene, and let the object and the open hand come to rest far from each other.
 
@@ -217,11 +237,13 @@ def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSett
     ------
     MismatchError
         If the object does not stay in its reference pose.
+    InputError
+        If MuJoCo does not compile the scene.
     """
-    if mujoco.get_mju_user_warning() is None:
-        # By default MuJoCo writes warnings to a log file in the working directory.
-        mujoco.set_mju_user_warning(_ignore)
-    model = scene_spec(grasp_object, gripper, settings).compile()
+    model = compile_spec(
+        scene_spec(grasp_object, gripper, settings),
+        f"the scene of object {grasp_object.name!r} and gripper {gripper.name!r}",
+    )
     data = mujoco.MjData(model)
     base = int(np.flatnonzero(model.body_parentid == model.body("mount").id)[0])
     # The base is at the mount, whatever its pose in the hand's own model.
