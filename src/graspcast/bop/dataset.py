@@ -297,7 +297,9 @@ class BopDataset:
     def camera_of(self, scene_id: int, im_id: int) -> Camera:
         """Return the camera of an image: from ``scene_camera.json``, else the dataset's."""
         if any(self.scenes.glob("*/scene_camera.json")):
-            return self.scene_cameras.get((scene_id, im_id), self.camera)
+            own = self.scene_cameras.get((scene_id, im_id))
+            if own is not None:
+                return own
         return self.camera
 
     @cached_property

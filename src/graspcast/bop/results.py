@@ -7,7 +7,6 @@ instance, ``scene_id,im_id,obj_id,score,R,t,time``, with R row-major and t in mi
 from __future__ import annotations
 
 import csv
-import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
@@ -27,7 +26,6 @@ from graspcast.io.files import write_text
 
 __all__ = [
     "Results",
-    "dataset_of",
     "read_results",
     "score_order",
     "write_results",
@@ -154,17 +152,6 @@ def score_order(results: Results) -> Int[ndarray, " n"]:
     rotation = results.cam_T_obj[:, :3, :3].reshape(-1, 9)
     # The last key of lexsort is the first to be compared.
     return np.lexsort((*rotation.T[::-1], y, x, z, -results.score))
-
-
-def dataset_of(path: str | PathLike[str]) -> str | None:
-    """Parse the dataset from a results file's name (``METHOD_DATASET-SPLIT.csv``).
-
-    Returns
-    -------
-    The dataset's name, None if the file's name has another form.
-    """
-    match = re.fullmatch(r".+_([A-Za-z0-9]+)-[A-Za-z0-9_]+", Path(path).stem)
-    return match.group(1) if match else None
 
 
 def read_results(
