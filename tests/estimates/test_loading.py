@@ -146,7 +146,7 @@ def test_no_estimate_left_is_one_message(dataset: BopDataset) -> None:
         load_inputs(paths, bop=bop, objects=["lmo-1"])
     assert "objects" in caught.value.parameters
     header = paths[0][1].read_text().splitlines()[0]
-    empty = dataset.root.parent / "none_made-test.csv"
+    empty = dataset.root.parent / r"none_made-test.csv"
     empty.write_text(header + "\n")
     with pytest.raises(InputError, match=r"none_made-test.csv: holds no estimate"):
         load_inputs([("none", empty)], bop=bop)

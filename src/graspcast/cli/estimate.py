@@ -104,6 +104,7 @@ def _estimate(options: argparse.Namespace) -> None:
     dataset = BopDataset(options.bop, split=options.split)
     detections = read_detections(options.detections, dataset, lenient=options.lenient)
     _note_dropped(detections)
+    note(*detections.remarks)
     if detections.detector:
         note(f"{detections.source}: {detections.detector}")
     if not len(detections):
