@@ -68,7 +68,7 @@ def test_only_some_scenes(world: Path, capsys: pytest.CaptureFixture[str]) -> No
     scenes = pl.read_csv(world / "v.csv")["scene_id"]
     assert sorted(set(scenes.to_list())) == [3, 5]
     said = refused(predict(world, "--scenes", "7"), capsys)
-    assert "no estimate in the wanted scenes 7; it has scenes 0, 1, 2, 3, 4, 5" in said
+    assert "no estimate is left in scene 7; the file has objects 1 in scenes 0-5" in said
     for wrong in ("x", "3-", "4-2", "-1", "²", "0-99999999999"):
         with pytest.raises(SystemExit):
             main(predict(world, "--scenes", wrong))

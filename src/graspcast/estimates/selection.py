@@ -17,15 +17,14 @@ _MOST_LISTED = 20
 
 
 def listed(numbers: Collection[int]) -> str:
-    """Format whole numbers for a message, with runs as ``3-8`` and at most 20 entries."""
+    """Format whole numbers for a message, three or more in a row as ``3-8``, at most 20 entries."""
     runs: list[list[int]] = []
     for number in sorted(set(numbers)):
         if runs and number == runs[-1][-1] + 1:
-            runs[-1][1:] = [number]
+            runs[-1].append(number)
         else:
             runs.append([number])
-    joint = {2: "-"}
-    entries = [joint.get(len(run), "").join(map(str, run)) for run in runs]
+    entries = [f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs]
     more = ["…"] if len(entries) > _MOST_LISTED else []
     return ", ".join([*entries[:_MOST_LISTED], *more]) or "none"
 
@@ -60,21 +59,20 @@ class Selection:
                 )
 
     def check_datasets(self, datasets: Collection[str]) -> None:
-        """Raise unless each wanted object is of one of the datasets.
+        """Raise unless some wanted object is of one of the datasets.
 
         Raises
         ------
         InputError
-            Naming the object.
+            Naming the objects.
         """
-        for name in self.objects:
-            dataset = name.rpartition("-")[0]
-            if dataset and dataset not in datasets:
-                raise InputError(
-                    f"object {name}: there are no estimates of dataset {dataset}, only of "
-                    f"{', '.join(datasets)}",
-                    parameters=("objects", "estimates"),
-                )
+        named = {name.rpartition("-")[0] for name in self.objects}
+        if named and not named & {"", *datasets}:
+            raise InputError(
+                f"objects {', '.join(self.objects)}: there are only estimates of dataset "
+                f"{', '.join(datasets)}",
+                parameters=("objects", "estimates"),
+            )
 
     def numbers(self, dataset: str) -> list[int] | None:
         """Return the wanted objects of a dataset, None for all."""
