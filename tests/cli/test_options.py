@@ -103,3 +103,16 @@ def test_no_file_that_is_read_is_replaced(
     said = refused([*train, "--out", "c.json", "--json", "c.json"], capsys)
     assert "c.json: is given as --out and as --json" in said
     assert (path.read_text(), other.read_text()) == ("verdicts", "outcomes")
+
+
+def test_an_equals_sign_in_the_path_of_a_dataset(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (world / "a=b").mkdir()
+    (world / "made").rename(world / "a=b" / "made")
+    estimates = ["--estimates", f"a={world / 'a_made-test.csv'}"]
+    assert main(["errors", "--bop", str(world / "a=b" / "made"), *estimates]) == 0
+    monkeypatch.chdir(world)
+    assert main(["errors", "--bop", "a=b/made", *estimates]) == 0
+    (world / "a=b" / "made").rename(world / "my=kit")
+    assert main(["errors", "--bop", "made=my=kit", *estimates]) == 0

@@ -110,6 +110,10 @@ def test_outcomes_of_none_of_the_estimators_are_refused(tmp_path: Path) -> None:
     assert load_outcomes([path], ["b", "c"])["success"].to_list() == [1, 0]
     with pytest.raises(UnknownNameError, match=r"unknown estimator 'c, d'.*known: a, b"):
         load_outcomes([path], ["c", "d"])
+    path.write_text(",".join(columns) + "\n")
+    with pytest.raises(InputError, match=r"outcomes.csv: holds no outcome") as none:
+        load_outcomes([path], ["a"])
+    assert none.value.parameters == ("outcomes",)
 
 
 def test_one_file_under_two_names_is_refused(tmp_path: Path) -> None:

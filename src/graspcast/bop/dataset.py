@@ -94,9 +94,12 @@ class Target:
 def _scenes(directory: Path, file: str) -> Iterator[tuple[int, Path]]:
     """Yield scene id and path of ``file`` in each scene folder that has it."""
     if not directory.is_dir():
+        others = [p for p in sorted(directory.parent.glob("*")) if any(p.glob(f"*/{file}"))]
+        there = ", ".join(map(str, others))
         raise InputError(
-            f"{directory}: no such directory; it should hold scene folders (000001 …)",
-            parameters=("ground_truth",),
+            f"{directory}: no such directory; it should hold scene folders (000001 …)"
+            + (f"; there is {there}; give that if it is meant" if others else ""),
+            parameters=("ground_truth", "split"),
         )
     found = sorted(p for p in directory.iterdir() if p.name.isdecimal() and (p / file).is_file())
     numbers_of = [int(folder.name) for folder in found]
@@ -262,8 +265,14 @@ class BopDataset:
         for folder in ("models_eval", "models"):
             if (self.root / folder / "models_info.json").is_file():
                 return Models(self.root / folder)
+        others = [path.parent.name for path in sorted(self.root.glob("*/models_info.json"))]
         raise InputError(
-            f"{self.root}: no models/models_info.json here; is it a BOP dataset?",
+            f"{self.root}: no models/models_info.json here; "
+            + (
+                f"there is {' and '.join(others)}; name it, or a link to it, models"
+                if others
+                else "is it a BOP dataset?"
+            ),
             parameters=("bop",),
         )
 

@@ -22,6 +22,7 @@ from graspcast.bop.results_rows import COLUMNS, checked_rows, parse_rows
 from graspcast.bop.summary import summary
 from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError
+from graspcast.io.compression import not_text
 from graspcast.io.files import write_text
 
 __all__ = [
@@ -237,7 +238,7 @@ def _csv_rows(path: Path) -> Iterator[tuple[int, tuple[str, ...] | None]]:
     except OSError as error:
         raise FormatError(path, f"cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
-        raise FormatError(path, "is not UTF-8 text; is it a CSV file?") from error
+        raise FormatError(path, f"{not_text(path)}; is it a CSV file?") from error
     except csv.Error as error:
         raise FormatError(path, f"is not a CSV file ({error})") from error
 

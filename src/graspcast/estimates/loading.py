@@ -262,11 +262,15 @@ def load_outcomes(paths: Sequence[Path], estimators: Sequence[str]) -> pl.DataFr
     Raises
     ------
     InputError
-        Naming the file that is wrong.
+        Naming the file that is wrong, or if there is no outcome.
     UnknownNameError
         If none of the estimators has outcomes.
     """
     table = read_all_outcomes(paths)
+    if not len(table):
+        raise InputError(
+            f"{', '.join(map(str, paths))}: holds no outcome", parameters=("outcomes",)
+        )
     known = table["estimator"].unique().sort().to_list()
     if not set(known) & set(estimators):
         raise UnknownNameError(

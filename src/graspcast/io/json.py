@@ -13,6 +13,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError
+from graspcast.io.compression import not_text
 from graspcast.io.files import write_text
 
 __all__ = ["by_identifier", "identifier", "numbers", "read_json", "require", "write_json"]
@@ -35,7 +36,9 @@ def read_json(path: str | PathLike[str], kind: type[object]) -> Any:
         raise FormatError(path, "is nested too deeply") from error
     except _RepeatedKeyError as error:
         raise FormatError(path, f"has the key {str(error)!r} twice in one object") from error
-    except ValueError as error:  # json.JSONDecodeError, UnicodeDecodeError and too-long integers
+    except UnicodeDecodeError as error:
+        raise FormatError(path, not_text(path)) from error
+    except ValueError as error:  # json.JSONDecodeError and too-long integers
         raise FormatError(path, f"is not valid JSON ({error})") from error
     if not isinstance(value, kind):
         name = "an object" if kind is dict else "a list"
