@@ -158,6 +158,8 @@ def test_no_estimate_left_is_one_message(dataset: BopDataset) -> None:
         load_inputs([("none", empty)], bop=bop)
     inputs = load_inputs([*paths, ("none", empty)], bop=bop)
     assert inputs.notes == [f"{empty}: holds no estimate"]
+    with pytest.raises(MismatchError, match=r"none: 0 rows\); .*none_made-test.csv holds no"):
+        inputs.estimates()
     bad = dataset.root.parent / "bad_made-test.csv"
     bad.write_text(f"{header}\n1,3,1,nan,1 0 0 0 1 0 0 0 1,0 0 900,-1\n")
     with pytest.raises(InputError, match=r"holds no estimate: 1 left out \(bad row\)"):

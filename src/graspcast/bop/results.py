@@ -238,7 +238,7 @@ def _csv_rows(path: Path) -> Iterator[tuple[int, tuple[str, ...] | None]]:
     except OSError as error:
         raise FormatError(path, f"cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
-        raise FormatError(path, f"{not_text(path)}; is it a CSV file?") from error
+        raise FormatError(path, f"{not_text(path)}, as a CSV file is") from error
     except csv.Error as error:
         raise FormatError(path, f"is not a CSV file ({error})") from error
 

@@ -27,5 +27,5 @@ def not_text(path: str | PathLike[str]) -> str:
     for mark, kind in _STARTS.items():
         if start.startswith(mark):
             remedy = "convert" if kind == "Parquet" else "unpack"
-            return f"is a {kind} file; {remedy} it first"
+            return f"is a {kind} file ({remedy} it first)"
     return "is not UTF-8 text"
