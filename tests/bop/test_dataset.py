@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+from bop_images import FOCAL, write_dataset
 from graspcast.bop.dataset import BopDataset, Target, read_ground_truth, read_targets
 from graspcast.bop.models import read_models_info
 from graspcast.errors import FormatError, GraspcastError, InputError
@@ -183,3 +184,25 @@ def test_images_and_scenes_under_two_spellings_are_refused(tmp_path: Path) -> No
     write_scene(tmp_path, {"0": [entry()]}, scene=1)
     with pytest.raises(InputError, match="another folder here is scene 1 too"):
         read_ground_truth(scenes)
+
+
+def test_splits_and_models_of_other_names_are_named(tmp_path: Path) -> None:
+    made = write_dataset(tmp_path / "made")
+    (made.root / "test").rename(made.root / "val")
+    with pytest.raises(
+        InputError, match=r"made/test: no such.*there is .*made/val; give"
+    ) as caught:
+        _ = made.ground_truth
+    assert "ground_truth" in caught.value.parameters
+    (made.root / "models").rename(made.root / "models_cad")
+    with pytest.raises(InputError, match=r"no models/models_info.json here; there is models_cad;"):
+        _ = BopDataset(made.root).models
+
+
+def test_the_common_camera_is_read_only_for_images_without_their_own(tmp_path: Path) -> None:
+    made = write_dataset(tmp_path / "made")
+    assert (made.root / "test" / "000001" / "scene_camera.json").is_file()
+    (made.root / "camera.json").unlink()
+    assert made.camera_of(1, 3).K[0, 0] == FOCAL
+    with pytest.raises(FormatError, match=r"camera\.json"):
+        made.camera_of(1, 4)

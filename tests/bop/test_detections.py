@@ -49,6 +49,7 @@ def test_a_file_as_detectors_write_it(tmp_path: Path, dataset: BopDataset) -> No
         (box(bbox=[50, 50, 5, -40]), "not two corners"),
         (box(bbox=[96, 10, 5, 5]), "lies outside of the image, which has 96 x 64 pixels"),
         (box(bbox=[10, -9, 5, 9]), "lies outside of the image"),
+        (box(bbox=[10, 10, 0.5, 20]), "is smaller than 1 pixel"),
         (box(score=float("inf")), "entry 1, score: should be 1 finite number"),
         (box(score=None), "entry 1, score: should be 1 finite number"),
         (box(category_id=1.5), "entry 1, category_id: 1.5 is not a whole number"),
@@ -70,6 +71,32 @@ def test_wrong_entries_are_named_or_skipped(
     found = read_detections(path, dataset, lenient=True)
     assert found.obj_id.tolist() == [1, 5]
     assert sum(found.dropped.values()) == 1
+
+
+def test_boxes_as_shares_of_the_image_are_refused(tmp_path: Path, dataset: BopDataset) -> None:
+    shares = [box(bbox=[0.1, 0.2, 0.3, 0.4]), box(2, 3, bbox=[0.5, -0.1, 1.02, 0.4])]
+    path = write_boxes(tmp_path / "d.json", *shares)
+    for lenient in (False, True):
+        with pytest.raises(FormatError, match=r"shares of the image\?"):
+            read_detections(path, dataset, lenient=lenient)
+
+
+def test_boxes_as_two_corners_are_refused(tmp_path: Path, dataset: BopDataset) -> None:
+    corners = [[10, 20, 60, 60], [50, 5, 90, 40], [30, 30, 70, 62]]
+    path = write_boxes(tmp_path / "d.json", *(box(bbox=corner) for corner in corners))
+    with pytest.raises(FormatError, match=r"3 of 3 boxes end beyond the image.*two corners, which"):
+        read_detections(path, dataset, lenient=True)
+    path = write_boxes(tmp_path / "few.json", box(bbox=corners[0]))
+    (remark,) = read_detections(path, dataset).remarks
+    assert remark.endswith("are they two corners?")
+    # Amodal boxes of objects that the image cuts off.
+    cut = [[-20, -5, 60, 50], [70, 30, 40, 40], [60, 40, 50, 40]]
+    path = write_boxes(tmp_path / "cut.json", *(box(bbox=one) for one in cut))
+    (remark,) = read_detections(path, dataset).remarks
+    assert "2 of 3 boxes end beyond the image of 96 x 64 pixels" in remark
+    assert "two corners" not in remark
+    path = write_boxes(tmp_path / "right.json", box(), box(bbox=[-20, -5, 60, 50]))
+    assert read_detections(path, dataset).remarks == ()
 
 
 @pytest.mark.parametrize(
@@ -99,7 +126,7 @@ def test_what_is_written_is_read_again(
         return data.draw(arrays.arrays(dtype, (n, *shape), elements=elements))
 
     boxes = column(_FINITE, np.float64, 4)
-    boxes[:, 2:] = np.abs(boxes[:, 2:]) + 0.5
+    boxes[:, 2:] = np.abs(boxes[:, 2:]) + 3
     given_ones = Detections(
         scene_id=column(_NUMBERS, np.int64),
         im_id=np.arange(n),

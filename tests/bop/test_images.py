@@ -103,3 +103,13 @@ def test_real_images(data_dir: Path) -> None:
     dataset = BopDataset(data_dir / "bop" / "lmo")
     assert len(dataset.images) == 200
     assert dataset.image(2, 3).shape == (480, 640, 3)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_large_image_is_no_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
+    for side in (12, 20):
+        Image.new("RGB", (side, side)).save(tmp_path / f"{side}.png")
+    assert read_image(tmp_path / "12.png").shape == (12, 12, 3)
+    with pytest.raises(FormatError, match="is too large an image"):
+        read_image(tmp_path / "20.png")

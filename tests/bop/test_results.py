@@ -15,7 +15,6 @@ from numpy.testing import assert_array_equal
 
 from graspcast.bop.results import (
     Results,
-    dataset_of,
     read_results,
     score_order,
     write_results,
@@ -38,12 +37,6 @@ def test_poses_come_back_without_any_error(tmp_path: Path) -> None:
     assert_array_equal(back.im_id, np.arange(200))
     assert (back.time_s == -1).all()
     assert back.dropped == {}
-
-
-def test_the_file_name_states_the_dataset() -> None:
-    assert dataset_of("a/epos_lmo-test.csv") == "lmo"
-    assert dataset_of("gdrnpp-pbr_v2_ycbv-test_primesense.csv") == "ycbv"
-    assert dataset_of("results.csv") is None
 
 
 def test_a_misspelt_column_is_named(tmp_path: Path) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
+
 import pytest
 
-from graspcast.cli.console import note, print_table, print_text, progress_bar
+from graspcast.cli.console import logged_as_notes, note, print_table, print_text, progress_bar
 
 
 def test_notes_go_to_standard_error_once_each(capsys: pytest.CaptureFixture[str]) -> None:
@@ -13,6 +15,15 @@ def test_notes_go_to_standard_error_once_each(capsys: pytest.CaptureFixture[str]
     out, err = capsys.readouterr()
     assert out == ""
     assert err.splitlines() == [long, "another"]
+
+
+def test_logged_warnings_are_notes_once_each(capsys: pytest.CaptureFixture[str]) -> None:
+    log = logging.getLogger("graspcast.somewhere")
+    with logged_as_notes():
+        for _ in range(2):
+            log.warning("%s is grey", "it")
+        log.info("unimportant")
+    assert capsys.readouterr().err.splitlines() == ["it is grey"]
 
 
 def test_tables_are_not_folded_in_files(capsys: pytest.CaptureFixture[str]) -> None:

@@ -121,3 +121,27 @@ def test_a_time_out_names_its_option(
     message = capsys.readouterr().err
     assert "timed out after 0.5 s" in message
     assert "(see --timeout)" in message
+
+
+def test_an_output_called_as_one_of_another_dataset_is_told(
+    dataset: BopDataset,
+    boxes: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("graspcast.perception.built_in", lambda *_: BoxEstimator(dataset.models))
+    for name, told in (("a_bin-test.csv", True), ("a_made-test.csv", False), ("a.csv", False)):
+        assert main(verb(dataset, boxes, boxes.with_name(name), "direct")) == 0
+        assert ("a CSV of another dataset than made" in capsys.readouterr().err) == told
+
+
+def test_odd_boxes_are_told(
+    dataset: BopDataset,
+    boxes: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("graspcast.perception.built_in", lambda *_: BoxEstimator(dataset.models))
+    write_boxes(boxes, box(bbox=[10, 20, 90, 60]))
+    assert main(verb(dataset, boxes, boxes.with_name("out.csv"), "direct")) == 0
+    assert "are they two corners?" in capsys.readouterr().err

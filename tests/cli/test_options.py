@@ -68,7 +68,7 @@ def test_only_some_scenes(world: Path, capsys: pytest.CaptureFixture[str]) -> No
     scenes = pl.read_csv(world / "v.csv")["scene_id"]
     assert sorted(set(scenes.to_list())) == [3, 5]
     said = refused(predict(world, "--scenes", "7"), capsys)
-    assert "no estimate in the wanted scenes 7; it has scenes 0, 1, 2, 3, 4, 5" in said
+    assert "no estimate is left in scene 7; the file has objects 1 in scenes 0-5" in said
     for wrong in ("x", "3-", "4-2", "-1", "²", "0-99999999999"):
         with pytest.raises(SystemExit):
             main(predict(world, "--scenes", wrong))
@@ -103,3 +103,16 @@ def test_no_file_that_is_read_is_replaced(
     said = refused([*train, "--out", "c.json", "--json", "c.json"], capsys)
     assert "c.json: is given as --out and as --json" in said
     assert (path.read_text(), other.read_text()) == ("verdicts", "outcomes")
+
+
+def test_an_equals_sign_in_the_path_of_a_dataset(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (world / "a=b").mkdir()
+    (world / "made").rename(world / "a=b" / "made")
+    estimates = ["--estimates", f"a={world / 'a_made-test.csv'}"]
+    assert main(["errors", "--bop", str(world / "a=b" / "made"), *estimates]) == 0
+    monkeypatch.chdir(world)
+    assert main(["errors", "--bop", "a=b/made", *estimates]) == 0
+    (world / "a=b" / "made").rename(world / "my=kit")
+    assert main(["errors", "--bop", "made=my=kit", *estimates]) == 0

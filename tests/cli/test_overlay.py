@@ -51,11 +51,12 @@ def test_the_verb_writes_a_sheet(world: Path, capsys: pytest.CaptureFixture[str]
     ("more", "says"),
     [
         (["--image", "7/1"], "no estimate of made in image 7/1; it has one in 1/3, 1/8, 2/3"),
+        (["--image", "1/3", "--objects", "7"], "no estimate is left of object 7; the file has"),
         (
-            ["--image", "1/3", "--objects", "7"],
+            ["--image", "1/3", "--objects", "5", "7"],
             "unknown object 'made-7' (did you mean 'made-5'?); known: made-1, made-5",
         ),
-        (["--image", "1/3", "--objects", "lmo-5"], "unknown object 'lmo-5'"),
+        (["--image", "1/3", "--objects", "lmo-5"], "there are only estimates of dataset made"),
         (["--image", "1/3", "--verdicts", "none.csv"], "none.csv: cannot be read"),
         (["--image", "1/3", "--out", "o.jpg"], "drawn to .png"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -109,6 +110,10 @@ def test_outcomes_of_none_of_the_estimators_are_refused(tmp_path: Path) -> None:
     assert load_outcomes([path], ["b", "c"])["success"].to_list() == [1, 0]
     with pytest.raises(UnknownNameError, match=r"unknown estimator 'c, d'.*known: a, b"):
         load_outcomes([path], ["c", "d"])
+    path.write_text(",".join(columns) + "\n")
+    with pytest.raises(InputError, match=r"outcomes.csv: holds no outcome") as none:
+        load_outcomes([path], ["a"])
+    assert none.value.parameters == ("outcomes",)
 
 
 def test_one_file_under_two_names_is_refused(tmp_path: Path) -> None:
@@ -130,3 +135,65 @@ def test_a_note_says_that_ranks_are_those_of_the_rows_left(tmp_path: Path) -> No
     paths["a"].write_text("\n".join([*text, text[-1].replace(text[-1].split(",")[3], "nan", 1)]))
     (note,) = load_inputs(paths, lenient=True).notes
     assert note.endswith("dropped 1 rows (bad row); est_id ranks the rows that are left")
+
+
+def test_no_estimate_left_is_one_message(dataset: BopDataset) -> None:
+    bop = [dataset.root]
+    paths = write(dataset)
+    with pytest.raises(
+        InputError, match=r"no estimate is left of object 7; the file has objects 1"
+    ):
+        load_inputs(paths, bop=bop, objects=["7"])
+    with pytest.raises(InputError, match=r"no estimate is left in scene 9; .* in scenes 1, 2"):
+        load_inputs(paths, bop=bop, scenes=[9])
+    with pytest.raises(
+        InputError, match="objects lmo-1: there are only estimates of dataset made"
+    ) as caught:
+        load_inputs(paths, bop=bop, objects=["lmo-1"])
+    assert "objects" in caught.value.parameters
+    header = paths[0][1].read_text().splitlines()[0]
+    empty = dataset.root.parent / r"none_made-test.csv"
+    empty.write_text(header + "\n")
+    with pytest.raises(InputError, match=r"none_made-test.csv: holds no estimate"):
+        load_inputs([("none", empty)], bop=bop)
+    inputs = load_inputs([*paths, ("none", empty)], bop=bop)
+    assert inputs.notes == [f"{empty}: holds no estimate"]
+    with pytest.raises(MismatchError, match=r"none: 0 rows\); .*none_made-test.csv holds no"):
+        inputs.estimates()
+    bad = dataset.root.parent / "bad_made-test.csv"
+    bad.write_text(f"{header}\n1,3,1,nan,1 0 0 0 1 0 0 0 1,0 0 900,-1\n")
+    with pytest.raises(InputError, match=r"holds no estimate: 1 left out \(bad row\)"):
+        load_inputs([("bad", bad)], bop=bop, lenient=True)
+
+
+def test_an_object_of_one_dataset_leaves_the_others_out(dataset: BopDataset) -> None:
+    other = write_dataset(dataset.root.parent / "other")
+    bop = [dataset.root, other.root]
+    paths = [*write(dataset), *write(dataset, of="other")]
+    inputs = load_inputs(paths, bop=bop, objects=["made-1"])
+    assert inputs.objects == {"made-1"} and inputs.notes == []
+    inputs = load_inputs(paths, bop=bop, objects=["made-1", "other-5", "7"])
+    assert inputs.objects == {"made-1", "other-5"}
+    assert inputs.notes == ["there is no estimate of object 7"]
+
+
+def test_objects_and_scenes_that_the_dataset_lacks_are_named(dataset: BopDataset) -> None:
+    bop, root = [dataset.root], dataset.root.parent
+    stated, unstated = root / "a_made-test.csv", root / "results.csv"
+    table = estimates_of(dataset, 0)
+    for path in (stated, unstated):
+        write_results(path, replace(table, scene_id=table.scene_id + 50))
+    (note,) = load_inputs([("a", stated)], bop=bop).notes
+    assert "scenes 51, 52, which are not in" in note and "it has 1, 2" in note
+    with pytest.raises(MismatchError, match=r"scenes 51, 52, which .* another dataset or split\?"):
+        load_inputs([("a", unstated)], bop=bop)
+    write_results(stated, replace(table, obj_id=table.obj_id + 20))
+    for lenient in (False, True):
+        with pytest.raises(InputError, match=r"objects 21, 25 are not in .* has 1, 5; are these"):
+            load_inputs([("a", stated)], bop=bop, lenient=lenient)
+    write_results(stated, replace(table, obj_id=np.where(table.obj_id == 5, 7, 1)))
+    with pytest.raises(InputError, match=r"object 7 is not in .*leave unknown objects out"):
+        load_inputs([("a", stated)], bop=bop)
+    inputs = load_inputs([("a", stated)], bop=bop, lenient=True)
+    assert inputs.objects == {"made-1"}
+    assert inputs.notes == [f"{stated}: dropped 3 rows (object without a model)"]

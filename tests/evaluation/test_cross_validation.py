@@ -13,7 +13,7 @@ from numpy.testing import assert_array_equal
 
 import synthetic
 from graspcast.bop.models import Models
-from graspcast.errors import MismatchError
+from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import scene_groups
 from graspcast.evaluation.cross_validation import cross_validate, cross_validated
@@ -81,6 +81,14 @@ def test_an_object_of_one_scene_is_not_scored(models: dict[str, Models]) -> None
     # One scene a fold: that of object 2 is left with nothing to ask.
     found = cross_validate(samples, folds=6, method="threshold", models=models)
     assert found.n == 100
+
+
+def test_one_object_cannot_be_left_out() -> None:
+    given = synthetic.tried(40)
+    only = given.select(given.objects == "d-1")
+    with pytest.raises(InputError, match=r"takes two or more with outcomes.* only d-1") as caught:
+        cross_validate(only, by="object", method="threshold")
+    assert "unseen_objects" in caught.value.parameters
 
 
 @pytest.mark.parametrize("method", ["threshold", "MLP-O"])

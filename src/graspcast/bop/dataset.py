@@ -98,9 +98,12 @@ class Target:
 def _scenes(directory: Path, file: str) -> Iterator[tuple[int, Path]]:
     """Yield scene id and path of ``file`` in each scene folder that has it."""
     if not directory.is_dir():
+        others = [p for p in sorted(directory.parent.glob("*")) if any(p.glob(f"*/{file}"))]
+        there = ", ".join(map(str, others))
         raise InputError(
-            f"{directory}: no such directory; it should hold scene folders (000001 …)",
-            parameters=("ground_truth",),
+            f"{directory}: no such directory; it should hold scene folders (000001 …)"
+            + (f"; there is {there}; give that if it is meant" if others else ""),
+            parameters=("ground_truth", "split"),
         )
     found = sorted(p for p in directory.iterdir() if p.name.isdecimal() and (p / file).exists())
     numbers_of = [int(folder.name) for folder in found]
@@ -280,8 +283,14 @@ class BopDataset:
         for folder in _MODELS:
             if (self.root / folder / "models_info.json").is_file():
                 return Models(self.root / folder)
+        others = [path.parent.name for path in sorted(self.root.glob("*/models_info.json"))]
         raise InputError(
-            f"{self.root}: no models/models_info.json here; is it a BOP dataset?",
+            f"{self.root}: no models/models_info.json here; "
+            + (
+                f"there is {' and '.join(others)}; name it, or a link to it, models"
+                if others
+                else "is it a BOP dataset?"
+            ),
             parameters=("bop",),
         )
 
@@ -338,7 +347,9 @@ class BopDataset:
     def camera_of(self, scene_id: int, im_id: int) -> Camera:
         """Return the camera of an image: from ``scene_camera.json``, else the dataset's."""
         if any(self.scenes.glob("*/scene_camera.json")):
-            return self.scene_cameras.get((scene_id, im_id), self.camera)
+            own = self.scene_cameras.get((scene_id, im_id))
+            if own is not None:
+                return own
         return self.camera
 
     @cached_property

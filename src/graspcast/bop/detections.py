@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import Any
@@ -29,6 +30,14 @@ MIN_VISIBLE_FRACTION = 0.1
 Hodan et al., *BOP Challenge 2020*, Section 2.1.
 """
 
+MIN_SIDE_PX = 1.0
+"""Width and height below which a box is none."""
+
+_MOST_OF_A_SHARE = 2.0
+_MOST = 0.5
+_OUTSIDE = 0.1
+_MANY = 3
+
 
 @dataclass(frozen=True, eq=False)
 class Detections:
@@ -49,6 +58,8 @@ class Detections:
         What produced them, if the file states it.
     dropped
         How many entries were left out, by reason.
+    remarks
+        What is odd about them, in words.
     """
 
     scene_id: Int[ndarray, " n"]
@@ -59,6 +70,7 @@ class Detections:
     source: str = "detections"
     detector: str = ""
     dropped: Mapping[str, int] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.obj_id)
@@ -97,13 +109,17 @@ def read_detections(
     ------
     FormatError
         Naming file and entry: a missing key, a number that is not finite, an empty or a repeated
-        box; and, given a dataset, an unknown image or object, or a box outside of the image.
+        box, or one below a pixel; and, given a dataset, an unknown image or object, or a box
+        outside of the image. Also, whether lenient or not, if the boxes are shares of the image or
+        pairs of corners.
     """
+    entries = read_json(path, list)
     checks = _Checks(dataset)
+    remarks = _check_convention(_boxes(entries, path), checks.size, path)
     rows: list[tuple[int, int, int, float, list[float]]] = []
     makers: set[str] = set()
     dropped: Counter[str] = Counter()
-    for i, entry in enumerate(read_json(path, list)):
+    for i, entry in enumerate(entries):
         where = f"entry {i}"
         try:
             row = _parse(entry, path, where)
@@ -130,7 +146,59 @@ def read_detections(
         source=str(path),
         detector=", ".join(sorted(makers - {""})),
         dropped=dict(dropped),
+        remarks=remarks,
     )
+
+
+def _boxes(entries: list[Any], path: str | PathLike[str]) -> Float[ndarray, "n 4"]:
+    """Return the boxes of a file, without entries that have none."""
+    found = []
+    for entry in entries:
+        if isinstance(entry, dict) and "bbox" in entry:
+            with suppress(FormatError):
+                found.append(numbers(entry["bbox"], (4,), path, "bbox"))
+    return np.array(found, dtype=np.float64).reshape(-1, 4)
+
+
+def _check_convention(
+    boxes: Float[ndarray, "n 4"], size: tuple[int, int] | None, path: str | PathLike[str]
+) -> tuple[str, ...]:
+    """Raise if all boxes of a file are shares of the image, or corners; return what is odd.
+
+    Amodal boxes may end beyond the image, so that corners are told from width and height only by
+    many boxes, all of which fit the image as corners, while most of them do not as they are.
+    """
+    if len(boxes) and np.abs(boxes).max() <= _MOST_OF_A_SHARE:
+        raise FormatError(
+            path,
+            f"all boxes are smaller than {_MOST_OF_A_SHARE:g} pixels (the first is "
+            f"{_text(boxes[0])}); are they shares of the image? A box is x, y, width, height in "
+            "pixels",
+        )
+    if not len(boxes) or size is None:
+        return ()
+    first, second = boxes[:, :2], boxes[:, 2:]
+    ends = first + second
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inside = np.minimum(ends, size) - np.maximum(first, 0)
+        outside = 1 - np.nan_to_num((inside / second).clip(0, 1)).prod(axis=1)
+    beyond = (ends > size).any(axis=1)
+    if beyond.mean() <= _MOST or outside.mean() <= _OUTSIDE:
+        return ()
+    text = (
+        f"{int(beyond.sum())} of {len(boxes)} boxes end beyond the image of {size[0]} x {size[1]} "
+        f"pixels (the first is {_text(boxes[beyond][0])}); a box is x, y, width, height in pixels"
+    )
+    as_corners = (
+        (first >= -1).all() and (second > first).all() and (second <= np.add(size, 1)).all()
+    )
+    if as_corners and len(boxes) >= _MANY:
+        raise FormatError(path, f"{text}; these are two corners, which all lie within the image")
+    return (f"{path}: {text}{'; are they two corners?' if as_corners else ''}",)
+
+
+def _text(box: Float[ndarray, "4"]) -> str:
+    return f"[{', '.join(f'{value:g}' for value in box)}]"
 
 
 _Row = tuple[int, int, int, float, list[float]]
@@ -161,6 +229,13 @@ class _Checks:
                 path,
                 f"the box [{x:g}, {y:g}, {width:g}, {height:g}] is empty; a box is x, y, width, "
                 "height in pixels, not two corners",
+                where=where,
+            )
+        if min(width, height) < MIN_SIDE_PX:
+            raise FormatError(
+                path,
+                f"the box [{x:g}, {y:g}, {width:g}, {height:g}] is smaller than {MIN_SIDE_PX:g} "
+                "pixel; a box is x, y, width, height in pixels",
                 where=where,
             )
         if self.size and not _meets((x, y, width, height), self.size):

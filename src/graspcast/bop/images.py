@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import warnings
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import UInt8
@@ -12,6 +14,9 @@ from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError
 from graspcast.io.reading import read_bytes
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 __all__ = ["find_images", "read_image"]
 
@@ -64,7 +69,7 @@ def read_image(
     from PIL import Image, UnidentifiedImageError
 
     try:
-        with Image.open(io.BytesIO(read_bytes(path))) as image:
+        with _open(path) as image:
             if image.mode != "RGB":
                 kind = "has an alpha channel" if "A" in image.mode else None
                 kind = kind or _KINDS.get(image.mode, f"is of mode {image.mode}")
@@ -83,3 +88,12 @@ def read_image(
     except (OSError, SyntaxError, ValueError) as error:  # what Pillow's decoders raise
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error
         raise FormatError(path, f"cannot be read ({reason})") from error
+
+
+def _open(path: str | PathLike[str]) -> Image.Image:
+    """Open an image without Pillow's warning of large ones; those twice as large are refused."""
+    from PIL import Image
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        return Image.open(io.BytesIO(read_bytes(path)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -18,6 +19,8 @@ from graspcast.io.files import atomic_write
 from graspcast.io.reading import read_bytes
 
 __all__ = ["Mesh", "read_coloured_mesh", "read_mesh", "write_mesh"]
+
+_log = logging.getLogger(__name__)
 
 _GREY = 150
 
@@ -49,28 +52,70 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
     FormatError
         If the file cannot be read as PLY, or has no finite vertices.
     """
-    return _mesh(Path(path), _load(Path(path)))
+    return _mesh(Path(path), _load(Path(path), skip_materials=True))
 
 
 def read_coloured_mesh(path: str | PathLike[str]) -> tuple[Mesh, UInt8[ndarray, "v 3"]]:
     """Read a BOP model with the RGB colour of each vertex.
 
-    The colours are the file's vertex colours, or those of its texture at each vertex; grey if it
-    has neither.
+    The colours are the file's vertex colours, the means of its face colours at each vertex, or
+    those of its texture at each vertex; grey if it has none, or, which is logged as a warning, a
+    texture that cannot be read.
 
     Raises
     ------
     FormatError
         As :func:`read_mesh`.
     """
+    import trimesh
+
     path = Path(path)
-    loaded = _load(path)
+    named: list[str] = []
+
+    class Textures(trimesh.resolvers.FilePathResolver):
+        def get(self, name: str) -> Any:
+            named.append(name)
+            return super().get(name)
+
+    unread: list[str] = []
+
+    def is_no_warning(record: logging.LogRecord) -> bool:
+        if record.levelno >= logging.WARNING:
+            unread.append(record.getMessage())
+        return record.levelno < logging.WARNING
+
+    # trimesh logs a traceback where it cannot read a texture, and goes on with a grey one.
+    log = logging.getLogger("trimesh.util")
+    log.addFilter(is_no_warning)
+    try:
+        loaded = _load(path, resolver=Textures(str(path)))
+    finally:
+        log.removeFilter(is_no_warning)
     mesh = _mesh(path, loaded)
-    colours = np.full(mesh.vertices.shape, _GREY, dtype=np.uint8)
-    visual: Any = getattr(loaded, "visual", None)
-    if getattr(visual, "defined", False):  # point clouds lack the attribute
-        colours[:] = (visual if visual.kind == "vertex" else visual.to_color()).vertex_colors[:, :3]
+    colours = None if named and unread else _colours(loaded, len(mesh.vertices))
+    if colours is None and named:
+        _log.warning(
+            "%s: its texture %s is not there, or cannot be read; the object is drawn grey",
+            path,
+            named[0],
+        )
+    if colours is None:
+        colours = np.full(mesh.vertices.shape, _GREY, dtype=np.uint8)
     return mesh, colours
+
+
+def _colours(loaded: Any, count: int) -> UInt8[ndarray, "v 3"] | None:
+    """Return a loaded mesh's colours by vertex, None if it has none that can be read."""
+    visual: Any = getattr(loaded, "visual", None)
+    if not getattr(visual, "defined", False):  # point clouds lack the attribute
+        return None
+    try:
+        # Those of faces are averaged.
+        by_vertex = visual.to_color() if visual.kind == "texture" else visual
+        colours = np.array(by_vertex.vertex_colors, dtype=np.uint8)
+    except Exception:  # Pillow and trimesh raise many types
+        return None
+    return colours[:, :3] if colours.shape in ((count, 3), (count, 4)) else None
 
 
 def write_mesh(
@@ -86,13 +131,12 @@ def write_mesh(
         temporary.write_bytes(made.export(file_type="ply", vertex_normal=False))
 
 
-def _load(path: Path) -> Any:
+def _load(path: Path, **options: Any) -> Any:
     import trimesh
 
     content = read_bytes(path)
     try:
-        resolver = trimesh.resolvers.FilePathResolver(str(path))
-        return trimesh.load(io.BytesIO(content), file_type="ply", process=False, resolver=resolver)
+        return trimesh.load(io.BytesIO(content), file_type="ply", process=False, **options)
     except Exception as error:  # trimesh raises many types
         raise FormatError(path, f"is not a PLY mesh ({error})") from error
 

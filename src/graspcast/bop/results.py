@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
@@ -29,7 +28,6 @@ from graspcast.io.reading import read_text
 
 __all__ = [
     "Results",
-    "dataset_of",
     "read_results",
     "score_order",
     "write_results",
@@ -156,17 +154,6 @@ def score_order(results: Results) -> Int[ndarray, " n"]:
     rotation = results.cam_T_obj[:, :3, :3].reshape(-1, 9)
     # The last key of lexsort is the first to be compared.
     return np.lexsort((*rotation.T[::-1], y, x, z, -results.score))
-
-
-def dataset_of(path: str | PathLike[str]) -> str | None:
-    """Parse the dataset from a results file's name (``METHOD_DATASET-SPLIT.csv``).
-
-    Returns
-    -------
-    The dataset's name, None if the file's name has another form.
-    """
-    match = re.fullmatch(r".+_([A-Za-z0-9]+)-[A-Za-z0-9_]+", Path(path).stem)
-    return match.group(1) if match else None
 
 
 def read_results(

@@ -29,6 +29,7 @@ from graspcast.cli import (
     validate_sim,
     watch,
 )
+from graspcast.cli.console import logged_as_notes
 from graspcast.cli.options import check_outputs
 from graspcast.errors import GraspcastError
 
@@ -83,7 +84,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = arguments_parser.parse_args(arguments)
     try:
         check_outputs(options)
-        return options.run(options) or 0
+        with logged_as_notes():
+            return options.run(options) or 0
     except GraspcastError as error:
         hint = _options_of(arguments_parser, options.verb, error.parameters)
         print(f"graspcast {options.verb}: {error}{hint}", file=sys.stderr)  # noqa: T201

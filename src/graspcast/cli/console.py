@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Protocol, runtime_checkable
 
-__all__ = ["note", "print_table", "print_text", "progress_bar"]
+__all__ = ["logged_as_notes", "note", "print_table", "print_text", "progress_bar"]
 
 
 def print_text(text: str) -> None:
@@ -22,6 +23,32 @@ def note(*texts: str) -> None:
     for text in dict.fromkeys(texts):
         # No markup: texts may hold brackets, as in pip install 'graspcast[render]'.
         console.print(text, style="dim", markup=False)
+
+
+class _Notes(logging.Handler):
+    """Prints each warning as a note, once."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self._told: set[str] = set()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a record."""
+        text = record.getMessage()
+        if text not in self._told:
+            self._told.add(text)
+            note(text)
+
+
+@contextmanager
+def logged_as_notes() -> Iterator[None]:
+    """Print the warnings that graspcast logs as notes."""
+    logger, handler = logging.getLogger("graspcast"), _Notes()
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
 
 
 def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

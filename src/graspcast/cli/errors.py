@@ -72,7 +72,8 @@ def _errors(options: argparse.Namespace) -> None:
     inputs = inputs_of(options)
     shape_alone = options.shape and not (options.out or options.json)
     only = MEASURED if shape_alone else tuple(MEASURES)
-    jobs = [(d, e, t) for d, tables in inputs.results.items() for e, t in tables.items()]
+    # A file without estimates has no errors; the notes say so.
+    jobs = [(d, e, t) for d, tables in inputs.results.items() for e, t in tables.items() if len(t)]
     parts, figures = [], {}
     with progress_bar("measuring") as move:
         for i, (dataset, estimator, results) in enumerate(jobs):

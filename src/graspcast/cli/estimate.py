@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text, progress_bar
 from graspcast.cli.options import Verbs, add_out, new_verb
-from graspcast.errors import InputError, UnknownNameError
+from graspcast.errors import InputError, MismatchError, UnknownNameError
 
 if TYPE_CHECKING:
     from graspcast.bop.dataset import BopDataset
@@ -102,8 +102,10 @@ def _estimate(options: argparse.Namespace) -> None:
     if not is_command and options.timeout_s:
         raise InputError(f"--timeout is for a command; {name} is built in")
     dataset = BopDataset(options.bop, split=options.split)
+    _note_name(options.out, dataset.name)
     detections = read_detections(options.detections, dataset, lenient=options.lenient)
     _note_dropped(detections)
+    note(*detections.remarks)
     if detections.detector:
         note(f"{detections.source}: {detections.detector}")
     if not len(detections):
@@ -156,6 +158,19 @@ def _by_command(
             timeout_s=options.timeout_s,
             lenient=options.lenient,
             progress=lambda share, line: move(share, line[-60:]),
+        )
+
+
+def _note_name(out: Path, dataset: str) -> None:
+    """Say so if the file to write is called as one of another dataset, for which it would pass."""
+    from graspcast.bop.file_names import belongs_to
+
+    try:
+        belongs_to(out, [dataset])
+    except MismatchError:
+        note(
+            f"{out}: by its name a CSV of another dataset than {dataset}, whose images these are; "
+            f"METHOD_{dataset}-SPLIT.csv would say that"
         )
 
 

@@ -68,7 +68,10 @@ def _named(text: str) -> tuple[str, Path]:
 
 
 def _maybe_named(text: str) -> tuple[str | None, Path]:
-    return _named(text) if "=" in text else (None, Path(text))
+    name = text.partition("=")[0]
+    # A path may hold an equals sign; a name is none, and a directory that is there is meant.
+    path_alone = "=" not in text or "/" in name or Path(text).is_dir()
+    return (None, Path(text)) if path_alone else _named(text)
 
 
 def add_estimates(verb: argparse.ArgumentParser, *, required: bool) -> None:

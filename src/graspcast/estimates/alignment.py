@@ -288,10 +288,16 @@ def align(
                 alone.append(all(len(mine) == 1 for mine in rows))
                 tied.append(scores.count(scores[est_id]) > 1)
     if not kept and required:
+        empty = [table for table in tables if not len(table)]
         sizes = ", ".join(f"{name}: {len(table)} rows" for name, table in results.items())
         raise MismatchError(
-            f"no instance of {dataset} has a pose by every estimator ({sizes}); are these files "
-            "of the same dataset and split?"
+            f"no instance of {dataset} has a pose by every estimator ({sizes}); "
+            + (
+                f"{empty[0].source} holds no estimate"
+                if empty
+                else "are these files of the same dataset and split?"
+            ),
+            parameters=("estimates",),
         )
     picked = np.array([rows for _, rows in kept], dtype=np.int64).reshape(-1, len(names)).T
     return Estimates(

@@ -11,6 +11,7 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
+from graspcast.errors import InputError
 from graspcast.estimates.alignment import estimate_ids
 from graspcast.estimates.matching import match
 from graspcast.pose import metrics
@@ -55,11 +56,15 @@ def measure(
 
     Raises
     ------
+    InputError
+        If there is no estimate.
     UnknownNameError
         For an object that the dataset's models lack.
     MismatchError
         If no estimate has a ground truth.
     """
+    if not len(results):
+        raise InputError(f"{results.source}: holds no estimate", parameters=("estimates",))
     truth = dataset.ground_truth
     matched = match(results, truth)
     est_id = estimate_ids(results)

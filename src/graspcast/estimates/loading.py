@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 
@@ -13,19 +13,19 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.bop.dataset import BopDataset
+from graspcast.bop.file_names import belongs_to
 from graspcast.bop.models import Models
-from graspcast.bop.results import Results, dataset_of, read_results
+from graspcast.bop.results import Results, read_results
 from graspcast.errors import (
-    FormatError,
     GraspcastError,
     InputError,
-    MismatchError,
     UnknownNameError,
 )
 from graspcast.estimates.alignment import Estimates, align, concatenate
 from graspcast.estimates.consistency import check_tables, describe_lengths
 from graspcast.estimates.matching import true_poses
 from graspcast.estimates.outcomes import read_all_outcomes
+from graspcast.estimates.selection import Selection, check_scenes, known_objects
 
 __all__ = ["Inputs", "load_inputs", "load_outcomes"]
 
@@ -144,8 +144,8 @@ def load_inputs(
 ) -> Inputs:
     """Read results CSVs and the BOP directories they belong to.
 
-    A file belongs to the dataset that its name states (``METHOD_DATASET-SPLIT.csv``); if it states
-    none, to the only BOP directory.
+    A file belongs to the dataset that its name states (``METHOD_DATASET-SPLIT.csv``, with whatever
+    follows in the names of the BOP Challenge); if it states none, to the only BOP directory.
 
     Parameters
     ----------
@@ -165,7 +165,8 @@ def load_inputs(
     Raises
     ------
     InputError
-        Naming the file, what is wrong, and the remedy.
+        Naming the file, what is wrong, and the remedy: a file of a dataset of which there is no
+        BOP directory, an object without a model, no estimate that is wanted.
     """
     if len(ground_truth) not in (0, len(bop)):
         raise InputError(
@@ -185,27 +186,76 @@ def load_inputs(
                 parameters=("bop",),
             )
         datasets[dataset.name] = dataset
-    results: dict[str, dict[str, Results]] = {}
-    out = Inputs(datasets, results)
-    pairs = estimates.items() if isinstance(estimates, Mapping) else estimates
-    for name, given in pairs:
-        path = Path(given)
-        dataset_name = _dataset_name(path, datasets)
-        tables = results.setdefault(dataset_name, {})
-        if name in tables:
-            raise InputError(f"{path}: there are already estimates of {dataset_name} by {name}")
-        table = read_results(path, lenient=lenient)
-        for why, n in table.dropped.items():
-            ranks = "; est_id ranks the rows that are left" if why == "bad row" else ""
-            out.notes.append(f"{path}: dropped {n} rows ({why}){ranks}")
-        if scenes:
-            table = _of_scenes(table, scenes)
-        tables[name] = _wanted(table, dataset_name, datasets, objects, lenient, out.notes)
-        _check_distinct(name, tables)
-    for dataset_name, tables in results.items():
-        known = dataset_name in datasets
-        check_tables(tables, datasets[dataset_name].models if known else None)
-    return out
+    wanted = Selection(objects, scenes)
+    pairs = list(estimates.items() if isinstance(estimates, Mapping) else estimates)
+    files = [(name, Path(given), *belongs_to(given, datasets)) for name, given in pairs]
+    wanted.check_datasets(dict.fromkeys(of for _, _, of, _ in files))
+    out = Inputs(datasets, {})
+    tables: dict[str, dict[str, Results]] = {}
+    for name, path, of, stated in files:
+        mine = tables.setdefault(of, {})
+        if name in mine:
+            raise InputError(f"{path}: there are already estimates of {of} by {name}")
+        if wanted.numbers(of) == []:
+            continue  # an object of another dataset is wanted
+        mine[name] = read_results(path, lenient=lenient)
+        _note_dropped(mine[name], out.notes)
+        if of in datasets and len(mine[name]):
+            note = check_scenes(mine[name], datasets[of], stated=stated)
+            out.notes.extend([note] if note else [])
+    results = _chosen(tables, wanted, datasets, lenient, out.notes)
+    for of, found in results.items():
+        check_tables(found, datasets[of].models if of in datasets else None)
+    return replace(out, results=results)
+
+
+def _note_dropped(table: Results, notes: list[str]) -> None:
+    for why, n in table.dropped.items():
+        ranks = "; est_id ranks the rows that are left" if why == "bad row" else ""
+        notes.append(f"{table.source}: dropped {n} rows ({why}){ranks}")
+
+
+def _chosen(
+    tables: Mapping[str, Mapping[str, Results]],
+    wanted: Selection,
+    datasets: Mapping[str, BopDataset],
+    lenient: bool,
+    notes: list[str],
+) -> dict[str, dict[str, Results]]:
+    """Return the wanted rows of every file, of objects that the models know.
+
+    A file that holds no estimate at all stays where others hold some; one that has none of the
+    wanted ones is an error, unless another dataset has them.
+    """
+    found: dict[str, dict[str, Results]] = {}
+    nothing: list[InputError] = []
+    for dataset, files in tables.items():
+        rows = {name: wanted.of(table, dataset) for name, table in files.items()}
+        without = [wanted.why_none(files[n], dataset) for n, t in rows.items() if not len(t)]
+        nothing += without
+        if len(without) == len(files):
+            continue
+        for name, table in rows.items():
+            if not len(table) and len(files[name]):
+                raise wanted.why_none(files[name], dataset)
+            if dataset in datasets:
+                known = known_objects(table, datasets[dataset], lenient=lenient)
+                if left := len(table) - len(known):
+                    notes.append(f"{table.source}: dropped {left} rows (object without a model)")
+                rows[name] = known
+        found[dataset] = {}
+        for name, table in rows.items():
+            found[dataset][name] = table
+            _check_distinct(name, found[dataset])
+    if not found:
+        raise (
+            nothing[0]
+            if nothing
+            else InputError("there are no estimates", parameters=("estimates",))
+        )
+    notes.extend(str(error) for error in nothing)
+    notes.extend(f"there is no estimate of object {name}" for name in wanted.lacking_in(found))
+    return found
 
 
 def _check_distinct(name: str, tables: Mapping[str, Results]) -> None:
@@ -221,92 +271,21 @@ def _check_distinct(name: str, tables: Mapping[str, Results]) -> None:
             )
 
 
-def _of_scenes(table: Results, scenes: Sequence[int]) -> Results:
-    chosen = np.isin(table.scene_id, scenes)
-    if not chosen.any():
-        known = ", ".join(map(str, np.unique(table.scene_id).tolist()))
-        raise InputError(
-            f"{table.source}: no estimate in the wanted scenes {', '.join(map(str, scenes))}; it "
-            f"has scenes {known}",
-            parameters=("scenes",),
-        )
-    return table.select(chosen)
-
-
-def _dataset_name(path: Path, datasets: Mapping[str, BopDataset]) -> str:
-    stated = dataset_of(path)
-    if not datasets:
-        if stated is None:
-            raise InputError(
-                f"{path}: of which dataset? Name the file METHOD_DATASET-SPLIT.csv, or give the "
-                "BOP directory",
-                parameters=("bop",),
-            )
-        return stated
-    if stated is None and len(datasets) == 1:
-        return next(iter(datasets))
-    if stated is None or stated not in datasets:
-        raise MismatchError(
-            f"{path}: by its name a CSV of dataset {stated}, but the BOP directories are of "
-            f"{', '.join(datasets)}; if one of them is the same, name it so: {stated}=DIR",
-            parameters=("bop",),
-        )
-    return stated
-
-
-def _wanted(
-    table: Results,
-    dataset_name: str,
-    datasets: Mapping[str, BopDataset],
-    objects: Sequence[str],
-    lenient: bool,
-    notes: list[str],
-) -> Results:
-    """Return the rows of the wanted objects, all of which the models must know."""
-    if objects:
-        numbers = [int(o.rpartition("-")[2]) for o in objects if _is_of(o, dataset_name)]
-        table = table.select(np.isin(table.obj_id, numbers))
-    if dataset_name not in datasets:
-        return table
-    info = datasets[dataset_name].models.info
-    known = np.isin(table.obj_id, list(info))
-    if known.all():
-        return table
-    if not lenient:
-        row = int(np.flatnonzero(~known)[0])
-        raise FormatError(
-            table.source,
-            f"object {table.obj_id[row]} is not in {datasets[dataset_name].models.directory}"
-            f"/models_info.json, which has {', '.join(map(str, sorted(info)))}; choose among "
-            "these, or leave unknown objects out",
-            where=f"line {table.line[row]}",
-            parameters=("objects", "lenient"),
-        )
-    notes.append(f"{table.source}: dropped {int((~known).sum())} rows (object without a model)")
-    return table.select(known)
-
-
-def _is_of(name: str, dataset_name: str) -> bool:
-    dataset, _, number = name.rpartition("-")
-    if not number.isdecimal():
-        raise InputError(
-            f"an object is given as NUMBER, or DATASET-NUMBER (lmo-5), not {name!r}",
-            parameters=("objects",),
-        )
-    return dataset in ("", dataset_name)
-
-
 def load_outcomes(paths: Sequence[Path], estimators: Sequence[str]) -> pl.DataFrame:
     """Read outcomes from several files or directories as one table.
 
     Raises
     ------
     InputError
-        Naming the file that is wrong.
+        Naming the file that is wrong, or if there is no outcome.
     UnknownNameError
         If none of the estimators has outcomes.
     """
     table = read_all_outcomes(paths)
+    if not len(table):
+        raise InputError(
+            f"{', '.join(map(str, paths))}: holds no outcome", parameters=("outcomes",)
+        )
     known = table["estimator"].unique().sort().to_list()
     if not set(known) & set(estimators):
         raise UnknownNameError(

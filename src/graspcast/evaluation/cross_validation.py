@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from graspcast.errors import InputError
 from graspcast.estimates.instances import scene_groups
 from graspcast.evaluation.scores import Scores, score
 from graspcast.forecasting.splits import by_group, by_object
@@ -49,6 +50,11 @@ def cross_validated(
     -------
         Out-of-fold probabilities of ``training_data.tried()``, in its order; NaN where, by scene,
         the object was not in training.
+
+    Raises
+    ------
+    InputError
+        If, by object, fewer than two objects have outcomes.
     """
     tried = training_data.tried()
     # Groups are those of all instances, tried or not: an untried one in the test fold's scenes is
@@ -59,6 +65,12 @@ def cross_validated(
         parts = list(by_group(own, tried.objects, tried.own_success == 1, folds=folds, seed=seed))
     else:
         groups, own = training_data.objects, tried.objects
+        if len(names := sorted(set(own.tolist()))) < 2:
+            raise InputError(
+                f"to score objects that are not in training takes two or more with outcomes, but "
+                f"there is only {', '.join(names) or 'none'}",
+                parameters=("unseen_objects", "objects"),
+            )
         parts = list(by_object(own))
     probability = np.full(len(tried), np.nan)
     for i, (_, test) in enumerate(parts):

@@ -13,6 +13,7 @@ from os import PathLike
 from pathlib import Path
 
 from graspcast.errors import FormatError
+from graspcast.io.compression import not_text
 
 __all__ = ["MAX_BYTES", "MAX_TEXT_BYTES", "check_regular", "read_bytes", "read_text"]
 
@@ -73,10 +74,11 @@ def read_text(path: str | PathLike[str], limit: int = MAX_BYTES) -> str:
     FormatError
         As :func:`read_bytes`, or if it is not UTF-8.
     """
+    content = read_bytes(path, limit)
     try:
-        return read_bytes(path, limit).decode("utf-8-sig")
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise FormatError(path, f"is not UTF-8 text ({error.reason})") from error
+        raise FormatError(path, not_text(content)) from error
 
 
 def check_regular(path: str | PathLike[str], limit: int = MAX_BYTES) -> None:

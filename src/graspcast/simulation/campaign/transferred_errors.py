@@ -93,7 +93,8 @@ def _dataset_and_number(name: str) -> tuple[str, int]:
     dataset, _, number = name.rpartition("-")
     if not dataset or not number.isdecimal():
         raise InputError(
-            f"the object {name!r} has no number; its name must be DATASET-NUMBER (lmo-5)",
+            f"the object {name!r} has no number: outcomes name an object by dataset and number, so "
+            f"call it DATASET-NUMBER ({name or 'mug'}-1) in the catalogue and the grasps too",
             parameters=("objects",),
         )
     return dataset, int(number)
