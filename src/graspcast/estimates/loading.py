@@ -114,6 +114,7 @@ class Inputs:
                 for name, tables in self.results.items()
             ]
         )
+        self.notes.extend(together.refused)
         lacking = {name: n for name, n in together.lacking.items() if n}
         if lacking:
             counts = ", ".join(f"{n} by {name}" for name, n in lacking.items())

@@ -19,10 +19,7 @@ from graspcast.bop.results import Results
 from graspcast.errors import FormatError, MismatchError
 from graspcast.estimates.alignment import Estimates, align
 from graspcast.forecasting.attribution import attributions
-from graspcast.forecasting.features import (
-    Features,
-    features_of,
-)
+from graspcast.forecasting.features import Features, features_of
 from graspcast.forecasting.model_card import ModelCard
 from graspcast.forecasting.models.add_threshold import Thresholds
 from graspcast.forecasting.models.base import Predictor
@@ -230,7 +227,7 @@ class Forecaster:
         poses
             Estimator's name to its ``cam_T_obj``, metres; None or a pose at the camera's centre
             where it found nothing: the verdict is to abstain. So it is where two estimators are
-            given one and the same array.
+            given one and the same pose.
         object_name
             ``dataset-number``, as in ``lmo-1``.
         threshold
@@ -302,7 +299,8 @@ class Forecaster:
         self._check_estimators(results)
         card = self.card
         mine = {name: results[name] for name in card.estimators}
-        estimates = align(mine, dataset=dataset, anchor=card.principal, required=False)
+        who = {"dataset": dataset, "anchor": card.principal}
+        estimates = align(mine, **who, required=False, models=models)
         verdicts: list[Verdict] = []
         if len(estimates):
             verdicts = self.verdicts(

@@ -196,7 +196,7 @@ def verdict_rows(
     triples = zip(estimates.instances.to_keys(), verdicts, estimates.of(principal), strict=True)
     rows = [VerdictRow(key, verdict=given, cam_T_obj=pose, **who) for key, given, pose in triples]
     for gap in estimates.incomplete:
-        verdict = Verdict(False, None, f"no estimate by {', '.join(gap.missing)}")
+        verdict = Verdict(False, None, gap.reason)
         rows.append(VerdictRow(gap.key, verdict=verdict, cam_T_obj=gap.cam_T_obj, **who))
     return sorted(rows, key=lambda row: row.key)
 

@@ -12,8 +12,10 @@ from numpy import ndarray
 
 __all__ = [
     "FARTHEST_DIAMETERS",
+    "FARTHEST_M",
     "MAX_ROTATION_DEVIATION",
     "NEAREST_DIAMETERS",
+    "NEAREST_M",
     "is_placeholder",
     "pose_problems",
 ]
@@ -31,6 +33,9 @@ millimetres that is given as metres is.
 
 NEAREST_DIAMETERS = 0.5
 """Nearer than this, the camera is inside the object's bounding sphere. Published: 0.62 or more."""
+
+NEAREST_M, FARTHEST_M = 0.02, 20.0
+"""The range where the object's size is unknown; published estimates are 0.3 to 2 m away."""
 
 
 def is_placeholder(cam_T_obj: Float[ndarray, "*n 4 4"]) -> Bool[ndarray, "*n"]:
@@ -51,8 +56,8 @@ def pose_problems(
     cam_T_obj
         Poses of objects in the camera frame (OpenCV), metres, (n, 4, 4).
     diameter_m
-        The objects' diameters, metres, NaN where unknown; without them distances are not checked
-        against the object's size.
+        The objects' diameters, metres, NaN where unknown; without them distances are only held
+        against the wide range from :data:`NEAREST_M` to :data:`FARTHEST_M`.
 
     Returns
     -------
@@ -73,8 +78,10 @@ def _sane(
     with np.errstate(invalid="ignore"):
         # Stricter than the distance to the nearest rotation, which takes a decomposition.
         deviation = np.linalg.norm(np.swapaxes(R, 1, 2) @ R - np.eye(3), axis=(1, 2))
-        ratio = np.linalg.norm(t, axis=1) / diameter_m
-        near = np.isnan(diameter_m) | ((ratio >= NEAREST_DIAMETERS) & (ratio <= FARTHEST_DIAMETERS))
+        distance = np.linalg.norm(t, axis=1)
+        nearest = np.where(np.isnan(diameter_m), NEAREST_M, NEAREST_DIAMETERS * diameter_m)
+        farthest = np.where(np.isnan(diameter_m), FARTHEST_M, FARTHEST_DIAMETERS * diameter_m)
+        near = (distance >= nearest) & (distance <= farthest)
         last = (cam_T_obj[:, 3] == [0.0, 0.0, 0.0, 1.0]).all(axis=1)
         proper = (deviation < MAX_ROTATION_DEVIATION) & (np.linalg.det(R) > 0)
         out: ndarray = (
@@ -113,7 +120,11 @@ def _rotation_problem(R: Float[ndarray, "3 3"]) -> str:
 
 def _distance_problem(distance_m: float, diameter_m: float) -> str:
     if not np.isfinite(diameter_m):
-        return ""
+        if NEAREST_M <= distance_m <= FARTHEST_M:
+            return ""
+        metres = "metres, given as millimetres"
+        other = "centimetres or millimetres, given as metres"
+        return f"is {distance_m:.3g} m away: in {metres if distance_m < NEAREST_M else other}?"
     ratio = distance_m / diameter_m
     if NEAREST_DIAMETERS <= ratio <= FARTHEST_DIAMETERS:
         return ""
