@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from graspcast.errors import InputError
 from graspcast.estimates.alignment import Estimates
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.blend import ForestSettings
-from graspcast.forecasting.pose_checks import estimate_problems
+from graspcast.forecasting.pose_checks import estimate_problems, refuse_most
 from graspcast.forecasting.train import train_forecaster
 from graspcast.pose.transforms import rotation_from_vector, transform
 from poses import random_poses, write_models
@@ -128,3 +129,14 @@ def test_models_are_optional_but_then_distances_are_only_checked_roughly(tmp_pat
     # What no gripper reaches is refused even so.
     far.cam_T_obj[:, :, :3, 3] *= 10
     assert "metres, given as metres?" in estimate_problems(far, None)[0]
+
+
+def test_nothing_is_learned_from_poses_of_another_unit(models: dict[str, Models]) -> None:
+    data = synthetic.training_data(120)
+    poses = data.estimates.cam_T_obj.copy()
+    poses[1, :10, :3, 3] *= 100
+    refuse_most(replace(data.estimates, cam_T_obj=poses), models)  # a few wild ones are usual
+    poses[1, 10:, :3, 3] *= 100
+    wrong = replace(data, estimates=replace(data.estimates, cam_T_obj=poses))
+    with pytest.raises(InputError, match=r"120 of 120 poses by b cannot be: .* centimetres"):
+        train_forecaster(wrong, models=models, forests=ForestSettings(trees=8, folds=0))

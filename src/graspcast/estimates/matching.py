@@ -13,9 +13,10 @@ from graspcast.bop.models import Models
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
 from graspcast.estimates.alignment import Estimates, assign
+from graspcast.pose.conventions import find_convention
 from graspcast.pose.metrics import nearest_symmetric
 
-__all__ = ["match", "nearest_truth", "true_poses"]
+__all__ = ["match", "nearest_truth", "true_poses", "truth_convention"]
 
 
 def match(results: Results, truth: GroundTruth) -> Int[ndarray, " n"]:
@@ -38,6 +39,33 @@ def match(results: Results, truth: GroundTruth) -> Int[ndarray, " n"]:
             f"{truth.source} has; is it a CSV of another dataset or split?"
         )
     return out
+
+
+def truth_convention(results: Results, dataset: BopDataset, estimator: str) -> str:
+    """Say if estimates agree with ground truth only in another convention, or nothing.
+
+    Parameters
+    ----------
+    results
+        Estimates.
+    dataset
+        Ground truth, and models, whose symmetries are no error.
+    estimator
+        Whose estimates they are.
+
+    Raises
+    ------
+    MismatchError
+        If no estimate has a ground truth.
+    """
+    truth, info = dataset.ground_truth, dataset.models.info
+    matched = match(results, truth)
+    rows = np.flatnonzero(matched >= 0)
+    alone = np.eye(4)[None]
+    numbers = results.obj_id[rows].tolist()
+    symmetries = [info[n].symmetries if n in info else alone for n in numbers]
+    found = find_convention(results.cam_T_obj[rows], truth.cam_T_obj[matched[rows]], symmetries)
+    return found.text(f"estimates by {estimator}", "ground truth") if found else ""
 
 
 def _matched(

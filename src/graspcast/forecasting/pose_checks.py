@@ -16,7 +16,7 @@ from graspcast.estimates.checks import copied, diameters, no_estimate_by
 from graspcast.estimates.instances import InstanceKey, Instances, split_object_name
 from graspcast.pose.sanity import is_placeholder, pose_problems
 
-__all__ = ["estimate_problems", "estimates_of_one"]
+__all__ = ["estimate_problems", "estimates_of_one", "refuse_most"]
 
 
 def estimate_problems(estimates: Estimates, models: Mapping[str, Models] | None) -> list[str]:
@@ -47,6 +47,26 @@ def estimate_problems(estimates: Estimates, models: Mapping[str, Models] | None)
                     said[name] = ""
             out[i] = no_estimate_by(list(said), said)
     return out
+
+
+def refuse_most(estimates: Estimates, models: Mapping[str, Models] | None) -> None:
+    """Raise if an estimator has no sane pose of one instance in ten, or more.
+
+    Single wild estimates are what forecasts learn from; many are another unit or frame.
+
+    Raises
+    ------
+    InputError
+        Naming the estimator, and what is wrong with one of its poses.
+    """
+    size = diameters(estimates.dataset.tolist(), estimates.obj_id.tolist(), models)
+    for name in estimates.estimators:
+        said = list(filter(None, pose_problems(estimates.of(name), size)))
+        if len(said) > 0.1 * len(estimates):
+            raise InputError(
+                f"{len(said)} of {len(estimates)} poses by {name} cannot be: one {said[0]}",
+                parameters=("estimates",),
+            )
 
 
 def estimates_of_one(

@@ -19,6 +19,7 @@ from graspcast.forecasting.models.base import Predictor
 from graspcast.forecasting.models.blend import Blend, ForestSettings
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble, NetworkSettings
 from graspcast.forecasting.novelty import Novelty
+from graspcast.forecasting.pose_checks import refuse_most
 from graspcast.forecasting.training_data import TrainingData
 from graspcast.io.progress import Progress
 from graspcast.io.provenance import versions
@@ -85,6 +86,7 @@ def train_forecaster(
         pools, scales = method == "MLP-O", features == "rich"
         used = replace(settings or NetworkSettings(), pools_objects=pools, standardise=scales)
     card = _card(scope, method, feature_set, used)
+    refuse_most(data.estimates, models)
     values = features_of(data.estimates, card.principal, card.features, models).values
     predictor: Predictor
     if method in _DIRECT_WEIGHT:
