@@ -22,6 +22,7 @@ from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
 from graspcast.bop.summary import summary
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError, InputError
+from graspcast.io.arguments import NAME, PATH, checked
 from graspcast.io.json import by_identifier, identifier, numbers, read_json, require
 from graspcast.pose.transforms import transform
 
@@ -236,6 +237,7 @@ class BopDataset:
         If ``root`` is not a directory.
     """
 
+    @checked(root=PATH, ground_truth=PATH, split=NAME, name=NAME)
     def __init__(
         self,
         root: str | PathLike[str],

@@ -18,6 +18,7 @@ from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
 from graspcast.bop.summary import counted
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError, UnknownNameError
+from graspcast.io.arguments import PATH, checked
 from graspcast.io.json import by_identifier, numbers, read_json, require
 from graspcast.pose.transforms import rotation_from_vector, transform
 
@@ -169,6 +170,7 @@ class Models:
         If ``models_info.json`` is missing or wrong.
     """
 
+    @checked(directory=PATH)
     def __init__(self, directory: str | PathLike[str]):
         self.directory = Path(directory)
         self.info = read_models_info(self.directory / "models_info.json")

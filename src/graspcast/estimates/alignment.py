@@ -22,11 +22,13 @@ from graspcast.bop.results import Results, score_order
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.checks import (
     IncompleteInstance,
+    check_shapes,
     refuse_conventions,
     refuse_copies,
     sane_rows,
 )
 from graspcast.estimates.instances import InstanceKey, Instances
+from graspcast.io.arguments import NAME, a, checked, mapping
 
 __all__ = [
     "Estimates",
@@ -73,6 +75,9 @@ class Estimates:
     alone: Bool[ndarray, " n"] | None = None
     tied: Bool[ndarray, " n"] | None = None
     refused: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_shapes(self.estimators, self.instances, self.cam_T_obj)
 
     def __len__(self) -> int:
         return len(self.instances)
@@ -213,6 +218,12 @@ def assign(
     return rows, columns
 
 
+@checked(
+    results=mapping(a(Results), "estimator"),
+    dataset=NAME,
+    anchor=NAME,
+    models=mapping(a(Models), "dataset"),
+)
 def align(
     results: Mapping[str, Results],
     *,

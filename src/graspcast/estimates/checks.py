@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,12 +18,14 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, MismatchError
-from graspcast.estimates.instances import InstanceKey
+from graspcast.estimates.instances import InstanceKey, Instances
+from graspcast.io.arguments import a, refuse_unless
 from graspcast.pose.conventions import behind_hint, find_odd_one
 from graspcast.pose.sanity import is_placeholder, pose_problems
 
 __all__ = [
     "IncompleteInstance",
+    "check_shapes",
     "copied",
     "diameters",
     "no_estimate_by",
@@ -59,6 +62,26 @@ class IncompleteInstance:
     def reason(self) -> str:
         """Why there is no forecast, in words."""
         return no_estimate_by(self.missing, self.problems)
+
+
+def check_shapes(estimators: Any, instances: Any, cam_T_obj: Any) -> None:
+    """Raise if these are not the poses of n instances by K estimators.
+
+    Raises
+    ------
+    InputError
+        Naming what is of another kind or shape.
+    """
+    where = "Estimates"
+    refuse_unless(a(tuple, words="a tuple of names"), estimators, where, "estimators")
+    refuse_unless(a(Instances), instances, where, "instances")
+    refuse_unless(a(np.ndarray), cam_T_obj, where, "cam_T_obj")
+    wanted = (len(estimators), len(instances), 4, 4)
+    if cam_T_obj.shape != wanted or cam_T_obj.dtype.kind != "f":
+        raise InputError(
+            f"{where}: cam_T_obj should be {wanted} numbers, 4x4 for each of {wanted[0]} "
+            f"estimators and {wanted[1]} instances, not {cam_T_obj.shape} of {cam_T_obj.dtype}"
+        )
 
 
 def diameters(

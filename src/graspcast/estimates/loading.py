@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -25,6 +26,7 @@ from graspcast.errors import (
 from graspcast.estimates.alignment import Estimates, align, concatenate
 from graspcast.estimates.matching import true_poses
 from graspcast.estimates.outcomes import read_all_outcomes
+from graspcast.io.arguments import PATH, each, refuse_unless
 
 __all__ = ["Inputs", "load_inputs", "load_outcomes"]
 
@@ -156,6 +158,12 @@ def load_inputs(
     InputError
         Naming the file, what is wrong, and the remedy.
     """
+    pairs = _pairs(estimates)
+    where = "load_inputs"
+    words = "a directory, or a pair of a name and a directory"
+    roots = each((lambda root: isinstance(root, str | PathLike | tuple), words))
+    refuse_unless(roots, bop, where, "bop")
+    refuse_unless(each(PATH), ground_truth, where, "ground_truth")
     if len(ground_truth) not in (0, len(bop)):
         raise InputError(
             f"{len(ground_truth)} directories of ground truth for {len(bop)} BOP directories: give "
@@ -176,7 +184,6 @@ def load_inputs(
         datasets[dataset.name] = dataset
     results: dict[str, dict[str, Results]] = {}
     out = Inputs(datasets, results)
-    pairs = estimates.items() if isinstance(estimates, Mapping) else estimates
     for name, given in pairs:
         path = Path(given)
         dataset_name = _dataset_name(path, datasets)
@@ -192,6 +199,18 @@ def load_inputs(
         tables[name] = _wanted(table, dataset_name, datasets, objects, lenient, out.notes)
         _check_distinct(name, tables)
     return out
+
+
+def _pairs(estimates: Any) -> list[tuple[str, str | PathLike[str]]]:
+    given = list(estimates.items()) if isinstance(estimates, Mapping) else estimates
+
+    def is_pair(pair: Any) -> bool:
+        named = isinstance(pair, tuple | list) and len(pair) == 2 and isinstance(pair[0], str)
+        return named and isinstance(pair[1], str | PathLike)
+
+    kind = each((is_pair, "a name and a path"))
+    refuse_unless(kind, given, "load_inputs", "estimates")
+    return list(given)
 
 
 def _check_distinct(name: str, tables: Mapping[str, Results]) -> None:

@@ -13,6 +13,7 @@ from graspcast.bop.models import Models
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
 from graspcast.estimates.alignment import Estimates, assign
+from graspcast.io.arguments import NAME, a, checked, mapping
 from graspcast.pose.conventions import find_convention
 from graspcast.pose.metrics import nearest_symmetric
 
@@ -90,6 +91,7 @@ def _matched(
     return out
 
 
+@checked(estimates=a(Estimates), principal=NAME, datasets=mapping(a(BopDataset), "dataset"))
 def true_poses(
     estimates: Estimates, principal: str, datasets: Mapping[str, BopDataset]
 ) -> Float[ndarray, "n 4 4"]:

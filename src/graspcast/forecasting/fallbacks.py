@@ -22,6 +22,8 @@ from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.verdict import OOD_ALPHA, Verdict, VerdictRow, verdict_rows
 from graspcast.guarantees.certificate import Certificate
+from graspcast.io.arguments import NAMED, a, each, refuse_unless
+from graspcast.pose.sanity import is_placeholder
 
 __all__ = ["Fallbacks", "certificate_of"]
 
@@ -38,7 +40,9 @@ class Fallbacks:
     """
 
     def __init__(self, forecasters: Iterable[Forecaster]):
-        self.forecasters = sorted(forecasters, key=lambda f: -len(f.card.supporters))
+        given = list(forecasters) if isinstance(forecasters, Iterable) else forecasters
+        refuse_unless(each(a(Forecaster)), given, "Fallbacks", "forecasters")
+        self.forecasters = sorted(given, key=lambda f: -len(f.card.supporters))
         if not self.forecasters:
             raise InputError("at least one model is needed")
         first = self.forecasters[0].card
@@ -161,9 +165,20 @@ class Fallbacks:
         MismatchError
             If every model lacks one.
         """
-        found = {name: pose for name, pose in poses.items() if np.isfinite(pose).all()}
+        refuse_unless(NAMED, poses, "Fallbacks.predict", "poses")
+        found = {name: pose for name, pose in poses.items() if not _is_missing(pose)}
         forecaster = self.usable(found)[0]
         return forecaster.predict(found, object_name, models=models, **options)
+
+
+def _is_missing(pose: Any) -> bool:
+    """Test whether a pose is none, a placeholder or not finite; others are judged later."""
+    try:
+        numbers = np.asarray(pose, dtype=np.float64)
+    except Exception:
+        return pose is None
+    whole = numbers.shape == (4, 4)
+    return not np.isfinite(numbers).all() or (whole and bool(is_placeholder(numbers)))
 
 
 def certificate_of(

@@ -27,7 +27,7 @@ from graspcast.forecasting.models.blend import Blend
 from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble
 from graspcast.forecasting.novelty import Novelty
-from graspcast.forecasting.pose_checks import estimate_problems, estimates_of_one
+from graspcast.forecasting.pose_checks import ARGUMENTS, estimate_problems, estimates_of_one
 from graspcast.forecasting.verdict import (
     OOD_ALPHA,
     Verdict,
@@ -36,6 +36,7 @@ from graspcast.forecasting.verdict import (
     decide,
     verdict_rows,
 )
+from graspcast.io.arguments import checked
 from graspcast.io.files import atomic_write
 
 __all__ = ["KINDS", "Forecaster"]
@@ -52,6 +53,7 @@ KINDS: Mapping[str, Any] = {
 _FORMAT = 3
 
 
+@checked(**ARGUMENTS)
 @dataclass(frozen=True, eq=False)
 class Forecaster:
     """A trained model of grasp success, a novelty detector, and the model card.

@@ -10,13 +10,29 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.bop.models import Models
+from graspcast.bop.results import Results
 from graspcast.errors import InputError
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.checks import copied, diameters, no_estimate_by
 from graspcast.estimates.instances import InstanceKey, Instances, split_object_name
+from graspcast.io.arguments import NAME, NAMED, PATH, a, mapping, number
 from graspcast.pose.sanity import is_placeholder, pose_problems
 
-__all__ = ["estimate_problems", "estimates_of_one", "refuse_most"]
+__all__ = ["ARGUMENTS", "estimate_problems", "estimates_of_one", "refuse_most"]
+
+
+ARGUMENTS = {
+    "estimates": a(Estimates),
+    "models": mapping(a(Models), "dataset"),
+    "threshold": number(),
+    "ood_alpha": number(0.0, 1.0),
+    "poses": NAMED,
+    "object_name": NAME,
+    "results": mapping(a(Results), "estimator"),
+    "dataset": NAME,
+    "path": PATH,
+}
+"""The kinds of what a forecaster's methods take."""
 
 
 def estimate_problems(estimates: Estimates, models: Mapping[str, Models] | None) -> list[str]:
@@ -114,8 +130,9 @@ def estimates_of_one(
 
 def _as_matrix(name: str, pose: Any) -> Float[ndarray, "4 4"]:
     try:
-        out = np.asarray(pose, dtype=np.float64)
-    except (TypeError, ValueError):
+        given = np.asarray(pose)
+        out = np.asarray(given, dtype=np.float64) if given.dtype.kind in "fiuO" else np.empty(0)
+    except Exception:  # tensors of other libraries raise what they like
         out = np.empty(0)
     if out.shape != (4, 4):
         raise InputError(f"the pose by {name} is not a 4x4 matrix of numbers")

@@ -21,6 +21,7 @@ from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble, NetworkSe
 from graspcast.forecasting.novelty import Novelty
 from graspcast.forecasting.pose_checks import refuse_most
 from graspcast.forecasting.training_data import TrainingData
+from graspcast.io.arguments import NAME, a, checked, mapping
 from graspcast.io.progress import Progress
 from graspcast.io.provenance import versions
 
@@ -30,6 +31,7 @@ _DIRECT_WEIGHT = {"blend": None, "two-stage": 0.0, "direct": 1.0}
 """Methods made of forests, and the weight of the direct forest if not that of the settings."""
 
 
+@checked(training_data=a(TrainingData), method=NAME, models=mapping(a(Models), "dataset"))
 def train_forecaster(
     training_data: TrainingData,
     *,

@@ -21,6 +21,7 @@ from graspcast.estimates.outcomes import (
     read_error_outcomes,
     success_of_each,
 )
+from graspcast.io.arguments import NAME, a, checked
 
 __all__ = ["SimulatedTrials", "TrainingData"]
 
@@ -114,6 +115,12 @@ class TrainingData:
     obj_T_est: Float[ndarray, "k n 4 4"] | None = None
 
     @classmethod
+    @checked(
+        estimates=a(Estimates),
+        outcomes=a(pl.DataFrame, type(None), words="a table, or None"),
+        principal=NAME,
+        gripper=NAME,
+    )
     def join(
         cls,
         estimates: Estimates,

@@ -18,6 +18,7 @@ from graspcast.errors import FormatError, InputError
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import KEY_COLUMNS, InstanceKey
 from graspcast.estimates.outcomes import REFERENCE_GRASP
+from graspcast.io.arguments import PATH, checked, number
 from graspcast.io.files import write_text
 from graspcast.pose.transforms import transform
 
@@ -124,7 +125,8 @@ def check_threshold(threshold: float) -> float:
     InputError
         If it is not between 0 and 1.
     """
-    if not 0.0 <= threshold <= 1.0:
+    is_share, _ = number(0.0, 1.0)
+    if not is_share(threshold):
         raise InputError(f"the threshold is a probability between 0 and 1, not {threshold}")
     return threshold
 
@@ -201,6 +203,7 @@ def verdict_rows(
     return sorted(rows, key=lambda row: row.key)
 
 
+@checked(path=PATH)
 def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> None:
     """Write verdicts as CSV, atomically; no probability is an empty field."""
     out = io.StringIO()
@@ -227,6 +230,7 @@ def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> Non
     write_text(path, out.getvalue())
 
 
+@checked(path=PATH)
 def read_verdicts(path: str | PathLike[str]) -> list[VerdictRow]:
     """Read what :func:`write_verdicts` wrote, in the order of the file.
 

@@ -36,6 +36,7 @@ from os import PathLike
 from typing import Any
 
 from graspcast.errors import FormatError, InputError
+from graspcast.io.arguments import PATH, checked, number, refuse_unless
 from graspcast.io.json import read_json, require, write_json
 
 __all__ = ["DriftMonitor"]
@@ -45,6 +46,7 @@ _ALTERNATIVES = 8
 _NOTHING = (-math.inf,) * _ALTERNATIVES
 
 
+@checked(path=PATH)
 @dataclass
 class DriftMonitor:
     """Test a stream of attempts for a success rate below the guaranteed one.
@@ -101,6 +103,7 @@ class DriftMonitor:
 
     def __post_init__(self) -> None:
         for name in ("rate", "alpha"):
+            refuse_unless(number(), getattr(self, name), "DriftMonitor", name)
             if not 0.0 < getattr(self, name) < 1.0:
                 raise InputError(
                     f"a monitor's {name} should be above 0 and below 1, not {getattr(self, name)}",

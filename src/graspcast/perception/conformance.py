@@ -169,7 +169,8 @@ def _rigid(estimator: Estimator, trials: _Trials) -> str:
     if scores.min() < 0 or scores.max() > 1:
         raise UnmetError(f"scores range from {scores.min():g} to {scores.max():g}; expected 0 to 1")
     poses, _ = _found(trials)
-    problems = pose_problems(poses)
+    # Distances ("is … m away") are the next check's.
+    problems = ["" if text.startswith("is ") else text for text in pose_problems(poses)]
     behind = any("behind the camera" in problem for problem in problems)
     _refuse_problems(problems, f"; {where}" if behind and (where := _where(trials)) else "")
     return f"{len(poses)} poses are rigid transforms, in front of the camera"
