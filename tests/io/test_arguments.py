@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from graspcast.errors import InputError
-from graspcast.io.arguments import NAME, PATH, a, checked, each, mapping, number
+from graspcast.io.arguments import NAME, PATH, a, checked, mapping, number, sequence
 
 
 @checked(path=PATH, share=number(0.0, 1.0), name=NAME)
@@ -64,8 +64,8 @@ def test_mappings_and_lists_are_checked_inside() -> None:
         assert mapping(number())[0](good)
     for bad in ([], {1: 1.0}, {"a": "x"}, None):
         assert not mapping(number())[0](bad)
-    assert each(a(str))[0](["a"]) and not each(a(str))[0]("a")
-    assert "a list of what is of type str" in each(a(str))[1]
+    assert sequence(a(str))[0](["a"]) and not sequence(a(str))[0]("a")
+    assert "a list of what is of type str" in sequence(a(str))[1]
 
 
 def test_a_wrong_number_of_arguments_stays_a_type_error() -> None:

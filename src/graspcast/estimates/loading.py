@@ -26,7 +26,7 @@ from graspcast.errors import (
 from graspcast.estimates.alignment import Estimates, align, concatenate
 from graspcast.estimates.matching import true_poses
 from graspcast.estimates.outcomes import read_all_outcomes
-from graspcast.io.arguments import PATH, each, refuse_unless
+from graspcast.io.arguments import PATH, refuse_unless, sequence
 
 __all__ = ["Inputs", "load_inputs", "load_outcomes"]
 
@@ -161,9 +161,9 @@ def load_inputs(
     pairs = _pairs(estimates)
     where = "load_inputs"
     words = "a directory, or a pair of a name and a directory"
-    roots = each((lambda root: isinstance(root, str | PathLike | tuple), words))
+    roots = sequence((lambda root: isinstance(root, str | PathLike | tuple), words))
     refuse_unless(roots, bop, where, "bop")
-    refuse_unless(each(PATH), ground_truth, where, "ground_truth")
+    refuse_unless(sequence(PATH), ground_truth, where, "ground_truth")
     if len(ground_truth) not in (0, len(bop)):
         raise InputError(
             f"{len(ground_truth)} directories of ground truth for {len(bop)} BOP directories: give "
@@ -208,7 +208,7 @@ def _pairs(estimates: Any) -> list[tuple[str, str | PathLike[str]]]:
         named = isinstance(pair, tuple | list) and len(pair) == 2 and isinstance(pair[0], str)
         return named and isinstance(pair[1], str | PathLike)
 
-    kind = each((is_pair, "a name and a path"))
+    kind = sequence((is_pair, "a name and a path"))
     refuse_unless(kind, given, "load_inputs", "estimates")
     return list(given)
 

@@ -22,7 +22,7 @@ from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.verdict import OOD_ALPHA, Verdict, VerdictRow, verdict_rows
 from graspcast.guarantees.certificate import Certificate
-from graspcast.io.arguments import NAMED, a, each, refuse_unless
+from graspcast.io.arguments import NAMED, a, refuse_unless, sequence
 from graspcast.pose.sanity import is_placeholder
 
 __all__ = ["Fallbacks", "certificate_of"]
@@ -41,7 +41,7 @@ class Fallbacks:
 
     def __init__(self, forecasters: Iterable[Forecaster]):
         given = list(forecasters) if isinstance(forecasters, Iterable) else forecasters
-        refuse_unless(each(a(Forecaster)), given, "Fallbacks", "forecasters")
+        refuse_unless(sequence(a(Forecaster)), given, "Fallbacks", "forecasters")
         self.forecasters = sorted(given, key=lambda f: -len(f.card.supporters))
         if not self.forecasters:
             raise InputError("at least one model is needed")

@@ -18,7 +18,7 @@ from graspcast.errors import FormatError, InputError
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import KEY_COLUMNS, InstanceKey
 from graspcast.estimates.outcomes import REFERENCE_GRASP
-from graspcast.io.arguments import PATH, checked, number
+from graspcast.io.arguments import PATH, a, checked, number, refuse_unless, sequence
 from graspcast.io.files import write_text
 from graspcast.pose.transforms import transform
 
@@ -209,7 +209,8 @@ def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> Non
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(COLUMNS)
-    rows = list(rows)
+    rows = list(rows) if isinstance(rows, Iterable) else rows
+    refuse_unless(sequence(a(VerdictRow)), rows, "write_verdicts", "rows")
     poses = np.stack([row.cam_T_obj for row in rows]) if rows else np.empty((0, 4, 4))
     R, t = poses[:, :3, :3].reshape(-1, 9).tolist(), millimetres(poses[:, :3, 3]).tolist()
     for i, row in enumerate(rows):

@@ -36,7 +36,7 @@ from os import PathLike
 from typing import Any
 
 from graspcast.errors import FormatError, InputError
-from graspcast.io.arguments import PATH, checked, number, refuse_unless
+from graspcast.io.arguments import FLAG, NAME, PATH, a, checked, number, refuse_unless
 from graspcast.io.json import read_json, require, write_json
 
 __all__ = ["DriftMonitor"]
@@ -46,7 +46,7 @@ _ALTERNATIVES = 8
 _NOTHING = (-math.inf,) * _ALTERNATIVES
 
 
-@checked(path=PATH)
+@checked(path=PATH, success=FLAG, unit=NAME)
 @dataclass
 class DriftMonitor:
     """Test a stream of attempts for a success rate below the guaranteed one.
@@ -109,6 +109,8 @@ class DriftMonitor:
                     f"a monitor's {name} should be above 0 and below 1, not {getattr(self, name)}",
                     parameters=(name,),
                 )
+        most = a(int, type(None), words="a whole number or None")
+        refuse_unless(most, self.max_attempts_per_unit, "DriftMonitor", "max_attempts_per_unit")
         if self.max_attempts_per_unit is not None and self.max_attempts_per_unit < 1:
             raise InputError(
                 f"max_attempts_per_unit should be 1 or more, not {self.max_attempts_per_unit}",

@@ -16,16 +16,17 @@ from typing import Any, TypeVar
 from graspcast.errors import InputError
 
 __all__ = [
+    "FLAG",
     "NAME",
     "NAMED",
     "PATH",
     "Kind",
     "a",
     "checked",
-    "each",
     "mapping",
     "number",
     "refuse_unless",
+    "sequence",
 ]
 
 T = TypeVar("T")
@@ -65,7 +66,7 @@ def mapping(of: Kind, keys: str = "name") -> Kind:
     return every, f"a mapping, such as a dict, of {keys} (text) to what is {words}"
 
 
-def each(of: Kind) -> Kind:
+def sequence(of: Kind) -> Kind:
     """Return the kind of lists and tuples of a kind."""
     test, words = of
     return (
@@ -74,6 +75,13 @@ def each(of: Kind) -> Kind:
     )
 
 
+def _is_flag(value: Any) -> bool:
+    return type(value).__name__ in ("bool", "bool_") or (
+        isinstance(value, Real) and value in (0, 1)
+    )
+
+
+FLAG: Kind = (_is_flag, "true or false")
 PATH = a(str, PathLike, words="a path")
 NAME = a(str, words="text")
 NAMED = mapping((lambda value: True, "a pose or None"), "estimator")

@@ -14,6 +14,7 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.detections import Detections
 from graspcast.errors import GraspcastError, InputError
+from graspcast.io.arguments import a, checked
 from graspcast.io.conformance import Check, Report, UnmetError
 from graspcast.perception.estimator import Estimator, Poses
 from graspcast.pose.conventions import CONVENTIONS
@@ -45,6 +46,7 @@ class _Trials:
     seconds: list[float] = field(default_factory=list)
 
 
+@checked(dataset=a(BopDataset), detections=a(Detections))
 def check_estimator(
     estimator: Estimator, dataset: BopDataset, detections: Detections
 ) -> EstimatorReport:
