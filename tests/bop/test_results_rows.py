@@ -32,6 +32,9 @@ def bad(old: str, new: str) -> str:
         (bad("1 0 0 0 1 0 0 0 1", "1 0 0 0 1 0 0 1"), "R is '1 0 0 0 1 0 0 1'"),
         (bad("1 0 0 0 1 0 0 0 1", "1 0 0 0 1 0 0 0 1.1"), "R is 0.1 away from the nearest"),
         (bad("1 0 0 0 1 0 0 0 1", "1 0 0 0 1 0 0 0 -1"), "R is 2 away from the nearest"),
+        (bad("1 0 0 0 1 0 0 0 1", "1 0 0 0 1 0 0 0 -1"), "the pose has a mirrored rotation"),
+        (bad("1 0 0 0 1 0 0 0 1", "2 0 0 0 2 0 0 0 2"), "the pose has a rotation scaled by 2"),
+        (bad("10 20 900", "10 20 -900"), "behind the camera (t_z is -900 mm)"),
         (bad(",-1", ",-2"), "time is '-2', but should be seconds, or -1"),
         (bad(",-1", ",-1,7"), "does not have the 7 fields of the header"),
         (ROW, "repeats the instance and pose of line 2"),
@@ -67,3 +70,12 @@ def test_a_placeholder_is_dropped_and_counted(tmp_path: Path) -> None:
     assert len(results) == 1
     assert results.dropped == {"placeholder": 1}
     assert len(read_results(path, placeholders=True)) == 2
+
+
+def test_many_poses_behind_the_camera_hint_at_another_convention(tmp_path: Path) -> None:
+    rows = [ROW.replace("1,2,3", f"1,{i},3").replace("900", "-900") for i in range(10)]
+    with pytest.raises(FormatError, match=r"so do 10 of 10 poses: .* OpenGL's camera frame"):
+        read_results(write_csv(tmp_path / "a.csv", *rows))
+    rows[:6] = [row.replace("-900", "900") for row in rows[:6]]
+    with pytest.raises(FormatError, match=r"so do 4 of 10 poses: are they obj_T_cam"):
+        read_results(write_csv(tmp_path / "a.csv", *rows))

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 
 from commands import refused
+from graspcast.bop.results import read_results, write_results
 from graspcast.cli import main
 from network_commands import N, inputs
 from poses import ROW, write_csv
@@ -50,3 +53,18 @@ def test_metres_and_bad_rows_and_columns(world: Path, capsys: pytest.CaptureFixt
         assert says in refused(["errors", *inputs(world, "a")], capsys)
     write_csv(world / "a_made-test.csv", ROW, header="scene_id,im_id,obj,score,R,t,time")
     assert "no column 'obj_id'" in refused(["errors", *inputs(world, "a")], capsys)
+
+
+def test_estimates_of_another_convention_are_named(
+    world: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = world / "a_made-test.csv"
+    given = read_results(path)
+    assert main(["errors", *inputs(world, "a")]) == 0
+    assert "agree with ground truth when" not in capsys.readouterr().err
+    turned = given.cam_T_obj.copy()
+    turned[:, :3, :3] = np.swapaxes(turned[:, :3, :3], 1, 2)
+    write_results(path, replace(given, cam_T_obj=turned))
+    assert main(["errors", *inputs(world, "a")]) == 0
+    said = capsys.readouterr().err
+    assert f"{N} of {N} estimates by a agree with ground truth when their rotations" in said

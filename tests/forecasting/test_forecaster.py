@@ -110,23 +110,23 @@ def test_other_estimators_and_objects_are_refused(
     says = r"needs estimates by a \(principal\) and b, c, but there are none by b; given: a, x, c"
     with pytest.raises(MismatchError, match=says):
         forecaster.probability(given_)
-    pose = given_.cam_T_obj[0, 0]
+    three = dict(zip("abc", given_.cam_T_obj[:, 0], strict=True))
     with pytest.raises(MismatchError, match="none by a, b, c; given: none"):
         forecaster.predict({}, "d-1")
     with pytest.raises(MismatchError, match=r"was not trained for d-7; it knows d-1, d-2"):
         forecaster.probability(synthetic.estimates(6, objects=(1, 7)))
     for name in ("d-7", "e-1", "ape", "", "d-", "d-²", "d-" + 30 * "9"):
         with pytest.raises(MismatchError, match="it knows d-1, d-2"):
-            forecaster.predict({name: pose.copy() for name in "abc"}, name)
+            forecaster.predict(three, name)
     for way in (("threshold", "paper"), ("MLP-O", "rich")):
         assert trained[way].needs_models
         with pytest.raises(
             MismatchError, match="models for dataset 'd'; there are models of: none"
         ):
-            trained[way].predict({name: pose.copy() for name in "abc"}, "d-1")
+            trained[way].predict(three, "d-1")
         with pytest.raises(MismatchError, match="there are models of: lmo, ycbv"):
             elsewhere = {"lmo": models["d"], "ycbv": models["d"]}
-            trained[way].predict({name: pose.copy() for name in "abc"}, "d-1", models=elsewhere)
+            trained[way].predict(three, "d-1", models=elsewhere)
     assert not forecaster.needs_models
 
 

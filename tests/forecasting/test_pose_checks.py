@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,9 @@ from graspcast.errors import InputError
 from graspcast.estimates.alignment import Estimates
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.blend import ForestSettings
-from graspcast.forecasting.pose_checks import estimate_problems
+from graspcast.forecasting.pose_checks import estimate_problems, refuse_most
 from graspcast.forecasting.train import train_forecaster
+from graspcast.pose.transforms import rotation_from_vector, transform
 from poses import random_poses, write_models
 
 PLACEHOLDERS = [np.eye(4), np.diag([-1.0, -1.0, 1.0, 1.0]), None]
@@ -40,7 +42,11 @@ def in_front(models: dict[str, Models]) -> np.ndarray:
 
 
 def three(pose: np.ndarray) -> dict[str, np.ndarray]:
-    return {name: pose.copy() for name in "abc"}
+    """Three poses that agree, but not to the last digit."""
+    turns = [
+        transform(rotation_from_vector(np.full((1, 3), 1e-4 * k)), np.zeros(3))[0] for k in range(3)
+    ]
+    return {name: pose @ turn for name, turn in zip("abc", turns, strict=True)}
 
 
 @pytest.mark.parametrize("nothing", PLACEHOLDERS)
@@ -79,7 +85,7 @@ def test_poses_that_cannot_be_are_refused_alone_and_abstained_from_among_others(
     with pytest.raises(InputError, match=f"the pose by a .*{says}"):
         forecaster.predict(three(bad), "d-1", threshold=0.0, models=models)
     data = synthetic.estimates(2)
-    poses = np.stack([[good, bad]] * 3)
+    poses = np.stack([[mine, bad] for mine in three(good).values()])
     verdicts = forecaster.verdicts(
         Estimates(data.estimators, data.instances, poses), models, threshold=0.0, ood_alpha=0.0
     )
@@ -92,10 +98,11 @@ def test_one_array_for_two_estimators_is_never_attempted(
     forecaster: Forecaster, models: dict[str, Models]
 ) -> None:
     pose = in_front(models)
-    poses = {"a": pose, "b": pose.copy(), "c": pose}
-    verdict = forecaster.predict(poses, "d-1", threshold=0.0, models=models)
-    assert not verdict.attempt
-    assert "a and c are given one and the same array" in verdict.reason
+    for given in (pose, pose.copy()):
+        poses = {**three(pose), "a": pose, "c": given}
+        verdict = forecaster.predict(poses, "d-1", threshold=0.0, models=models)
+        assert (verdict.attempt, verdict.probability) == (False, None)
+        assert verdict.reason == "a and c are given one and the same pose, which always agrees"
     # What is wrong with the pose itself is said first.
     with pytest.raises(InputError, match="mirrored"):
         mirrored = pose @ np.diag([1.0, 1, -1, 1])
@@ -114,8 +121,22 @@ def test_sane_poses_have_no_problems(models: dict[str, Models]) -> None:
     assert "by b" in said[2]
 
 
-def test_models_are_optional_but_then_distances_are_not_checked(tmp_path: Path) -> None:
+def test_models_are_optional_but_then_distances_are_only_checked_roughly(tmp_path: Path) -> None:
     given = synthetic.estimates(2)
     far = Estimates(given.estimators, given.instances, given.cam_T_obj.copy())
-    far.cam_T_obj[:, :, :3, 3] *= 100
+    far.cam_T_obj[:, :, :3, 3] *= 15
     assert estimate_problems(far, None) == ["", ""]
+    # What no gripper reaches is refused even so.
+    far.cam_T_obj[:, :, :3, 3] *= 10
+    assert "metres, given as metres?" in estimate_problems(far, None)[0]
+
+
+def test_nothing_is_learned_from_poses_of_another_unit(models: dict[str, Models]) -> None:
+    data = synthetic.training_data(120)
+    poses = data.estimates.cam_T_obj.copy()
+    poses[1, :10, :3, 3] *= 100
+    refuse_most(replace(data.estimates, cam_T_obj=poses), models)  # a few wild ones are usual
+    poses[1, 10:, :3, 3] *= 100
+    wrong = replace(data, estimates=replace(data.estimates, cam_T_obj=poses))
+    with pytest.raises(InputError, match=r"120 of 120 poses by b cannot be: .* centimetres"):
+        train_forecaster(wrong, models=models, forests=ForestSettings(trees=8, folds=0))

@@ -24,6 +24,7 @@ from graspcast.bop.true_pose_checks import check_outlines, check_true_poses
 from graspcast.bop.unit_checks import camera_problem
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError, GraspcastError, InputError
+from graspcast.io.arguments import NAME, PATH, checked
 from graspcast.io.json import by_identifier, identifier, numbers, read_json, require
 from graspcast.pose.transforms import transform
 
@@ -257,6 +258,7 @@ class BopDataset:
         If ``root`` is not a directory.
     """
 
+    @checked(root=PATH, ground_truth=PATH, split=NAME, name=NAME)
     def __init__(
         self,
         root: str | PathLike[str],

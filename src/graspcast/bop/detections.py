@@ -20,6 +20,7 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset, GroundTruth, Target
 from graspcast.bop.summary import summary
 from graspcast.errors import FormatError, InputError
+from graspcast.io.arguments import PATH, checked
 from graspcast.io.json import identifier, numbers, read_json, require, write_json
 
 __all__ = ["Detections", "jittered", "read_detections", "write_detections"]
@@ -91,6 +92,7 @@ class Detections:
         return {key: self.select(np.array(rows[key])) for key in sorted(rows)}
 
 
+@checked(path=PATH)
 def read_detections(
     path: str | PathLike[str], dataset: BopDataset | None = None, *, lenient: bool = False
 ) -> Detections:

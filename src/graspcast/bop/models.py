@@ -25,6 +25,7 @@ from graspcast.bop.unit_checks import (
 )
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError, UnknownNameError
+from graspcast.io.arguments import PATH, checked
 from graspcast.io.json import by_identifier, numbers, read_json, require
 from graspcast.pose.lengths import between
 from graspcast.pose.sanity import is_placeholder
@@ -198,6 +199,7 @@ class Models:
         If ``models_info.json`` is missing or wrong.
     """
 
+    @checked(directory=PATH)
     def __init__(self, directory: str | PathLike[str]):
         self.directory = Path(directory)
         self.info = read_models_info(self.directory / "models_info.json")

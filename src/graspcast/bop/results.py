@@ -23,6 +23,7 @@ from graspcast.bop.results_rows import COLUMNS, checked_rows, parse_rows
 from graspcast.bop.summary import summary
 from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError
+from graspcast.io.arguments import PATH, a, checked
 from graspcast.io.files import write_text
 from graspcast.io.reading import read_text
 
@@ -32,6 +33,13 @@ __all__ = [
     "score_order",
     "write_results",
 ]
+
+
+_SHAPES: dict[str, tuple[str, tuple[int, ...]]] = {
+    **dict.fromkeys(("scene_id", "im_id", "obj_id", "line"), ("iu", ())),
+    **dict.fromkeys(("score", "time_s"), ("f", ())),
+    "cam_T_obj": ("f", (4, 4)),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +73,21 @@ class Results:
     line: Int[ndarray, " n"]
     source: str = "results"
     dropped: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        n = len(self.obj_id) if isinstance(self.obj_id, ndarray) and self.obj_id.ndim else 0
+        for name, (kinds, shape) in _SHAPES.items():
+            column = getattr(self, name)
+            fits = isinstance(column, ndarray) and column.shape == (n, *shape)
+            if not fits or (n and column.dtype.kind not in kinds):
+                raise FormatError(
+                    str(self.source),
+                    f"{name} should be an array of {'numbers' if 'f' in kinds else 'integers'} of "
+                    f"shape {(n, *shape)}, as obj_id has {n}; Results.from_frame makes one from "
+                    "lists and tables",
+                )
+        if n and not np.isfinite(self.score).all():
+            raise FormatError(str(self.source), "a score is not a finite number")
 
     @classmethod
     def from_frame(
@@ -156,6 +179,7 @@ def score_order(results: Results) -> Int[ndarray, " n"]:
     return np.lexsort((*rotation.T[::-1], y, x, z, -results.score))
 
 
+@checked(path=PATH)
 def read_results(
     path: str | PathLike[str], *, lenient: bool = False, placeholders: bool = False
 ) -> Results:
@@ -199,6 +223,7 @@ def read_results(
     return Results(**checked_rows(parsed, placeholders=placeholders))
 
 
+@checked(path=PATH, results=a(Results))
 def write_results(path: str | PathLike[str], results: Results) -> None:
     """Write a BOP results CSV; :func:`read_results` returns exactly the same poses."""
     translation_mm = millimetres(results.cam_T_obj[:, :3, 3])
@@ -242,7 +267,7 @@ def _csv_rows(path: Path) -> Iterator[tuple[int, tuple[str, ...] | None]]:
 
 def _columns_of(frame: Any, source: str) -> dict[str, list[Any]]:
     """Return the cells of ``COLUMNS`` of a table, those of ``cam_T_obj`` as R and t."""
-    names = list(getattr(frame, "columns", frame))
+    names = _names_of(frame, source)
     poses = "cam_T_obj" in names
     needed = [*COLUMNS[:4], *(["cam_T_obj"] if poses else ["R", "t"])]
     if missing := [name for name in needed if name not in names]:
@@ -252,7 +277,7 @@ def _columns_of(frame: Any, source: str) -> dict[str, list[Any]]:
             "columns are scene_id, im_id, obj_id, score, either R and t (mm) or cam_T_obj (m), "
             "and time if it is known",
         )
-    cells = {name: _cells(frame[name]) for name in [*needed, *({"time"} & {*names})]}
+    cells = {name: _cells(frame[name], name, source) for name in [*needed, *({"time"} & {*names})]}
     cells.setdefault("time", [-1.0] * len(cells["score"]))
     if len({len(column) for column in cells.values()}) > 1:
         lengths = ", ".join(f"{name} {len(column)}" for name, column in cells.items())
@@ -261,7 +286,7 @@ def _columns_of(frame: Any, source: str) -> dict[str, list[Any]]:
         try:
             matrices = np.array([np.stack(cell) for cell in cells.pop("cam_T_obj")], np.float64)
             matrices = matrices.reshape(-1, 4, 4)
-        except (TypeError, ValueError) as error:
+        except Exception as error:  # tensors of other libraries raise what they like
             raise FormatError(source, "cam_T_obj should be 4x4 matrices of numbers") from error
         if not (matrices[:, 3] == [0, 0, 0, 1]).all():
             raise FormatError(source, "the last row of every cam_T_obj should be 0, 0, 0, 1")
@@ -270,7 +295,28 @@ def _columns_of(frame: Any, source: str) -> dict[str, list[Any]]:
     return {name: cells[name] for name in COLUMNS}
 
 
-def _cells(column: Any) -> list[Any]:
-    to_list: Callable[[], list[Any]] | None
+def _names_of(frame: Any, source: str) -> list[Any]:
+    columns = getattr(frame, "columns", frame)
+    table = isinstance(frame, Mapping) or (columns is not frame and hasattr(frame, "__getitem__"))
+    try:
+        names = list(columns)
+    except Exception:
+        table = False
+    if not table:
+        raise FormatError(
+            source,
+            f"should be a DataFrame, or a dict of columns, not {type(frame).__name__}",
+        )
+    return names
+
+
+def _cells(column: Any, name: str, source: str) -> list[Any]:
+    to_list: Callable[[], Any] | None
     to_list = getattr(column, "to_list", None) or getattr(column, "tolist", None)
-    return to_list() if to_list else list(column)
+    try:
+        cells = to_list() if to_list else list(column)
+    except Exception:
+        cells = None
+    if not isinstance(cells, list) or isinstance(column, str | bytes):
+        raise FormatError(source, f"the column {name} should be an array or a list")
+    return cells

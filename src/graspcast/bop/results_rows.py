@@ -15,7 +15,8 @@ from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
 from graspcast.bop.unit_checks import distance_problem
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError
-from graspcast.pose.sanity import is_placeholder
+from graspcast.pose.conventions import behind_hint
+from graspcast.pose.sanity import is_placeholder, pose_problems
 from graspcast.pose.transforms import transform
 
 __all__ = ["COLUMNS", "ParsedRows", "checked_rows", "parse_rows"]
@@ -74,7 +75,7 @@ def _problem(fields: Sequence[Any]) -> str | None:
         parse, expected = _PARSERS[name]
         try:
             parse(cell)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             return f"{name} is {cell!r}, but should be {expected}"
     return None
 
@@ -151,7 +152,8 @@ def parse_rows(
             numbers = list(map(_PARSERS[name][0], column))
             kind = np.int64 if name in COLUMNS[:3] else np.float64
             out.columns[name] = np.array(numbers, dtype=kind).reshape(shapes.get(name, (-1,)))
-    except (TypeError, ValueError):  # whole columns are fast; rows are checked one by one only here
+    except (TypeError, ValueError, OverflowError):
+        # Whole columns are fast; rows are checked one by one only here.
         for i, row in enumerate(rows):
             if problem := _problem(row):
                 out.reject(i, problem)
@@ -186,10 +188,16 @@ def checked_rows(parsed: ParsedRows, *, placeholders: bool) -> dict[str, Any]:
     keep = ~placeholder
     rotation, distance = checked_rotations(columns["R"])
     for i in np.flatnonzero((distance > MAX_ROTATION_DEVIATION) & keep).tolist():
-        parsed.reject(i, f"R is {distance[i]:.3g} away from the nearest rotation matrix")
+        pose = transform(columns["R"][i : i + 1], np.array([[0.0, 0.0, 1.0]]))
+        (why,) = pose_problems(pose)
+        near = f"R is {distance[i]:.3g} away from the nearest rotation matrix"
+        parsed.reject(i, f"{near}: the pose {why}" if why else near)
         keep[i] = False
-    for i in np.flatnonzero((translation_mm[:, 2] <= 0) & keep & ~is_at_centre).tolist():
-        parsed.reject(i, f"the object is behind the camera (t_z is {translation_mm[i, 2]:g} mm)")
+    behind = np.flatnonzero((translation_mm[:, 2] <= 0) & keep & ~is_at_centre).tolist()
+    hint = behind_hint(len(behind), int((keep & ~is_at_centre).sum()))
+    for i in behind:
+        z = f"t_z is {translation_mm[i, 2]:g} mm"
+        parsed.reject(i, f"the object is behind the camera ({z}){hint}")
         keep[i] = False
     keys = np.stack([columns[name] for name in COLUMNS[:3]], axis=1)
     seen: dict[tuple[object, ...], int] = {}

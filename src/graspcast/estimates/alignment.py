@@ -17,9 +17,18 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from graspcast.bop.models import Models
 from graspcast.bop.results import Results, score_order
 from graspcast.errors import InputError, MismatchError, UnknownNameError
+from graspcast.estimates.checks import (
+    IncompleteInstance,
+    check_shapes,
+    refuse_conventions,
+    refuse_copies,
+    sane_rows,
+)
 from graspcast.estimates.instances import InstanceKey, Instances
+from graspcast.io.arguments import NAME, a, checked, mapping
 
 __all__ = [
     "Estimates",
@@ -31,25 +40,6 @@ __all__ = [
     "partners",
     "rows_in_image",
 ]
-
-
-@dataclass(frozen=True, eq=False)
-class IncompleteInstance:
-    """An instance of the anchor's for which some other estimator has no estimate.
-
-    Attributes
-    ----------
-    key
-        Its key.
-    missing
-        The estimators without an estimate.
-    cam_T_obj
-        The anchor's pose, metres, (4, 4).
-    """
-
-    key: InstanceKey
-    missing: tuple[str, ...]
-    cam_T_obj: Float[ndarray, "4 4"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,6 +63,8 @@ class Estimates:
     tied
         Whether the anchor has another estimate of the object in the image with the same score,
         (n,), None if unknown.
+    refused
+        Which poses were left out since they cannot be, in words.
     """
 
     estimators: tuple[str, ...]
@@ -82,6 +74,10 @@ class Estimates:
     incomplete: tuple[IncompleteInstance, ...] = ()
     alone: Bool[ndarray, " n"] | None = None
     tied: Bool[ndarray, " n"] | None = None
+    refused: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_shapes(self.estimators, self.instances, self.cam_T_obj)
 
     def __len__(self) -> int:
         return len(self.instances)
@@ -222,14 +218,24 @@ def assign(
     return rows, columns
 
 
+@checked(
+    results=mapping(a(Results), "estimator"),
+    dataset=NAME,
+    anchor=NAME,
+    models=mapping(a(Models), "dataset"),
+)
 def align(
     results: Mapping[str, Results],
     *,
     dataset: str,
     anchor: str | None = None,
     required: bool = True,
+    models: Mapping[str, Models] | None = None,
 ) -> Estimates:
     """Align K >= 2 estimators' results of one dataset.
+
+    A pose that cannot be (:mod:`graspcast.pose.sanity`) is no estimate; :attr:`Estimates.refused`
+    counts them.
 
     Parameters
     ----------
@@ -240,16 +246,21 @@ def align(
     anchor
         The estimator whose estimates are the instances; by default the first.
     required
-        Whether it is an error that no instance has a pose by all of them.
+        Whether it is an error that nothing can be compared: no instance has a pose by all of
+        them, two have the same poses throughout, or one's are in another convention.
+    models
+        Dataset's name to its object models; with them, distances are held against diameters.
 
     Raises
     ------
     InputError
-        For fewer than two estimators.
+        For fewer than two estimators; for what is not results; and, if required, for two names of
+        one estimator.
     UnknownNameError
         For an anchor that is none of them.
     MismatchError
-        If no instance has a pose by all of them, and one is required.
+        If required: if no instance has a pose by all of them, or the poses of one agree with
+        another's only in another convention (:mod:`graspcast.pose.conventions`).
     """
     names = tuple(results)
     if len(names) < 2:
@@ -262,7 +273,7 @@ def align(
     if anchor not in names:
         raise UnknownNameError("estimator", anchor, names)
     first = names.index(anchor)
-    tables = list(results.values())
+    tables, bad, left_out = sane_rows(results, dataset, models)
     stacked = [np.stack([t.scene_id, t.im_id, t.obj_id], axis=1) for t in tables]
     keys, inverse = np.unique(np.concatenate(stacked), axis=0, return_inverse=True)
     groups = np.split(inverse, np.cumsum([len(t) for t in tables])[:-1])
@@ -282,7 +293,9 @@ def align(
             if None in found:
                 without = tuple(n for n, r in zip(names, found, strict=True) if r is None)
                 pose = tables[first].cam_T_obj[found[first]]
-                incomplete.append(IncompleteInstance(key, without, pose))
+                where = (scene_id, im_id, obj_id)
+                wrong = {n: b[where] for n, b in zip(names, bad, strict=True) if where in b}
+                incomplete.append(IncompleteInstance(key, without, pose, wrong))
             else:
                 kept.append((key, [r for r in found if r is not None]))
                 alone.append(all(len(mine) == 1 for mine in rows))
@@ -290,17 +303,14 @@ def align(
     if not kept and required:
         empty = [table for table in tables if not len(table)]
         sizes = ", ".join(f"{name}: {len(table)} rows" for name, table in results.items())
+        why = "; ".join(left_out) or "are these files of the same dataset and split?"
         raise MismatchError(
             f"no instance of {dataset} has a pose by every estimator ({sizes}); "
-            + (
-                f"{empty[0].source} holds no estimate"
-                if empty
-                else "are these files of the same dataset and split?"
-            ),
+            + (f"{empty[0].source} holds no estimate" if empty else why),
             parameters=("estimates",),
         )
     picked = np.array([rows for _, rows in kept], dtype=np.int64).reshape(-1, len(names)).T
-    return Estimates(
+    out = Estimates(
         estimators=names,
         instances=Instances.of([key for key, _ in kept]),
         cam_T_obj=np.stack([t.cam_T_obj[p] for t, p in zip(tables, picked, strict=True)]),
@@ -308,7 +318,12 @@ def align(
         incomplete=tuple(incomplete),
         alone=np.array(alone, dtype=bool),
         tied=np.array(tied, dtype=bool),
+        refused=left_out,
     )
+    if required:
+        refuse_copies(names, out.cam_T_obj)
+        refuse_conventions(names, out.cam_T_obj, out.obj_id, (models or {}).get(dataset))
+    return out
 
 
 def _rows_by_group(results: Results, group: ndarray) -> dict[int, list[int]]:
@@ -372,6 +387,7 @@ def concatenate(parts: Iterable[Estimates]) -> Estimates:
         incomplete=tuple(instance for p in parts for instance in p.incomplete),
         alone=_joined_flags([p.alone for p in parts]),
         tied=_joined_flags([p.tied for p in parts]),
+        refused=tuple(text for p in parts for text in p.refused),
     )
 
 

@@ -14,6 +14,7 @@ from graspcast.bop.results import Results
 from graspcast.errors import InputError
 from graspcast.estimates.alignment import estimate_ids
 from graspcast.estimates.matching import match
+from graspcast.io.arguments import a, checked
 from graspcast.pose import metrics
 
 __all__ = ["MEASURES", "measure", "summarise"]
@@ -30,6 +31,7 @@ MEASURES = {
 }
 
 
+@checked(results=a(Results), dataset=a(BopDataset))
 def measure(
     results: Results,
     dataset: BopDataset,

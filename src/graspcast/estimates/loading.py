@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -26,6 +27,7 @@ from graspcast.estimates.consistency import check_tables, describe_lengths
 from graspcast.estimates.matching import true_poses
 from graspcast.estimates.outcomes import read_all_outcomes
 from graspcast.estimates.selection import Selection, check_scenes, known_objects
+from graspcast.io.arguments import PATH, refuse_unless, sequence
 
 __all__ = ["Inputs", "load_inputs", "load_outcomes"]
 
@@ -126,6 +128,7 @@ class Inputs:
                 for name, tables in self.results.items()
             ]
         )
+        self.notes.extend(together.refused)
         lacking = {name: n for name, n in together.lacking.items() if n}
         if lacking:
             counts = ", ".join(f"{n} by {name}" for name, n in lacking.items())
@@ -168,6 +171,12 @@ def load_inputs(
         Naming the file, what is wrong, and the remedy: a file of a dataset of which there is no
         BOP directory, an object without a model, no estimate that is wanted.
     """
+    pairs = _pairs(estimates)
+    where = "load_inputs"
+    words = "a directory, or a pair of a name and a directory"
+    roots = sequence((lambda root: isinstance(root, str | PathLike | tuple), words))
+    refuse_unless(roots, bop, where, "bop")
+    refuse_unless(sequence(PATH), ground_truth, where, "ground_truth")
     if len(ground_truth) not in (0, len(bop)):
         raise InputError(
             f"{len(ground_truth)} directories of ground truth for {len(bop)} BOP directories: give "
@@ -187,7 +196,6 @@ def load_inputs(
             )
         datasets[dataset.name] = dataset
     wanted = Selection(objects, scenes)
-    pairs = list(estimates.items() if isinstance(estimates, Mapping) else estimates)
     files = [(name, Path(given), *belongs_to(given, datasets)) for name, given in pairs]
     wanted.check_datasets(dict.fromkeys(of for _, _, of, _ in files))
     out = Inputs(datasets, {})
@@ -256,6 +264,18 @@ def _chosen(
     notes.extend(str(error) for error in nothing)
     notes.extend(f"there is no estimate of object {name}" for name in wanted.lacking_in(found))
     return found
+
+
+def _pairs(estimates: Any) -> list[tuple[str, str | PathLike[str]]]:
+    given = list(estimates.items()) if isinstance(estimates, Mapping) else estimates
+
+    def is_pair(pair: Any) -> bool:
+        named = isinstance(pair, tuple | list) and len(pair) == 2 and isinstance(pair[0], str)
+        return named and isinstance(pair[1], str | PathLike)
+
+    kind = sequence((is_pair, "a name and a path"))
+    refuse_unless(kind, given, "load_inputs", "estimates")
+    return list(given)
 
 
 def _check_distinct(name: str, tables: Mapping[str, Results]) -> None:

@@ -14,9 +14,11 @@ from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
 from graspcast.estimates.alignment import Estimates, assign
 from graspcast.estimates.consistency import check_pairs
+from graspcast.io.arguments import NAME, a, checked, mapping
+from graspcast.pose.conventions import find_convention
 from graspcast.pose.metrics import nearest_symmetric
 
-__all__ = ["match", "nearest_truth", "true_poses"]
+__all__ = ["match", "nearest_truth", "true_poses", "truth_convention"]
 
 
 def match(results: Results, truth: GroundTruth) -> Int[ndarray, " n"]:
@@ -49,6 +51,33 @@ def _check(source: str, poses: Float[ndarray, "n 4 4"], truth: GroundTruth, row:
     check_pairs(source, poses[found], truth.source, truth.cam_T_obj[row[found]])
 
 
+def truth_convention(results: Results, dataset: BopDataset, estimator: str) -> str:
+    """Say if estimates agree with ground truth only in another convention, or nothing.
+
+    Parameters
+    ----------
+    results
+        Estimates.
+    dataset
+        Ground truth, and models, whose symmetries are no error.
+    estimator
+        Whose estimates they are.
+
+    Raises
+    ------
+    MismatchError
+        If no estimate has a ground truth.
+    """
+    truth, info = dataset.ground_truth, dataset.models.info
+    matched = match(results, truth)
+    rows = np.flatnonzero(matched >= 0)
+    alone = np.eye(4)[None]
+    numbers = results.obj_id[rows].tolist()
+    symmetries = [info[n].symmetries if n in info else alone for n in numbers]
+    found = find_convention(results.cam_T_obj[rows], truth.cam_T_obj[matched[rows]], symmetries)
+    return found.text(f"estimates by {estimator}", "ground truth") if found else ""
+
+
 def _matched(
     instances: tuple[ndarray, ndarray, ndarray], position: Float[ndarray, "n 3"], truth: GroundTruth
 ) -> Int[ndarray, " n"]:
@@ -71,6 +100,7 @@ def _matched(
     return out
 
 
+@checked(estimates=a(Estimates), principal=NAME, datasets=mapping(a(BopDataset), "dataset"))
 def true_poses(
     estimates: Estimates, principal: str, datasets: Mapping[str, BopDataset]
 ) -> Float[ndarray, "n 4 4"]:

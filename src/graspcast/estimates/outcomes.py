@@ -20,6 +20,7 @@ from numpy import ndarray
 
 from graspcast.errors import FormatError, MismatchError
 from graspcast.estimates.instances import KEY_SCHEMA, Instances
+from graspcast.io.arguments import PATH, checked
 from graspcast.io.tables import read_csv, read_parquet
 from graspcast.pose.transforms import rotation_from_vector, rotation_vector, transform
 
@@ -66,6 +67,7 @@ _OPTIONAL = ("est_id", "grasp")
 _IMAGE_OF_OBJECT = ["dataset", "scene_id", "im_id", "obj_id"]
 
 
+@checked(path=PATH)
 def read_outcomes(path: str | PathLike[str]) -> pl.DataFrame:
     """Read outcomes from CSV, Parquet, or a directory of Parquet shards (a campaign).
 

@@ -25,11 +25,20 @@ from graspcast.guarantees.threshold_sequence import (
     split_sequence,
 )
 from graspcast.guarantees.unit_draws import Weight
+from graspcast.io.arguments import a, checked, mapping, number
 from graspcast.io.provenance import versions
 
 __all__ = ["certify_forecaster"]
 
 
+@checked(
+    forecaster=a(Forecaster),
+    data=a(TrainingData),
+    rate=number(),
+    confidence=number(),
+    models=mapping(a(Models), "dataset"),
+    ood_alpha=number(0.0, 1.0),
+)
 def certify_forecaster(
     forecaster: Forecaster,
     data: TrainingData,

@@ -14,6 +14,7 @@ from graspcast.evaluation.scores import Scores, score
 from graspcast.forecasting.splits import by_group, by_object
 from graspcast.forecasting.train import fit_forecaster
 from graspcast.forecasting.training_data import TrainingData
+from graspcast.io.arguments import a, checked
 from graspcast.io.progress import Progress, step_of
 
 __all__ = ["cross_validate", "cross_validated"]
@@ -87,6 +88,7 @@ def cross_validated(
     return probability
 
 
+@checked(training_data=a(TrainingData))
 def cross_validate(training_data: TrainingData, **options: Any) -> Scores:
     """Score a method on scenes (or blocks of frames), or on objects, that are not in training.
 

@@ -33,6 +33,7 @@ from graspcast.evaluation.principal_forecasts import (
 )
 from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.training_data import TrainingData
+from graspcast.io.arguments import a, checked, mapping, sequence
 from graspcast.io.progress import Progress
 
 __all__ = ["Comparison", "SupporterComparison", "compare"]
@@ -135,6 +136,7 @@ class Comparison:
         return {name: _without_nan(value) for name, value in out.items()}
 
 
+@checked(training_data=sequence(a(TrainingData)), models=mapping(a(Models), "dataset"))
 def compare(
     training_data: Sequence[TrainingData],
     *,

@@ -14,6 +14,7 @@ from graspcast.estimates.instances import Instances, unit_names
 from graspcast.estimates.outcomes import TRIAL_COLUMNS, checked_outcomes, join_outcomes
 from graspcast.evaluation.bootstrap import Interval, original_and_draws
 from graspcast.forecasting.verdict import VerdictRow
+from graspcast.io.arguments import a, checked, sequence
 
 __all__ = ["VerdictScores", "score_verdicts", "verdict_table", "with_outcomes"]
 
@@ -85,6 +86,7 @@ def with_outcomes(verdicts: Sequence[VerdictRow], outcomes: pl.DataFrame) -> pl.
     return join_outcomes(verdict_table(verdicts), outcomes).drop_nulls("success")
 
 
+@checked(outcomes=a(pl.DataFrame), verdicts=sequence(a(VerdictRow)))
 def score_verdicts(
     verdicts: Sequence[VerdictRow], outcomes: pl.DataFrame, *, draws: int = 2000, seed: int = 0
 ) -> VerdictScores:

@@ -23,6 +23,8 @@ from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import Verdict, VerdictRow, verdict_rows
 from graspcast.guarantees.certificate import Certificate
+from graspcast.io.arguments import NAMED, a, refuse_unless, sequence
+from graspcast.pose.sanity import is_placeholder
 
 __all__ = ["Fallbacks", "certificate_of"]
 
@@ -39,7 +41,9 @@ class Fallbacks:
     """
 
     def __init__(self, forecasters: Iterable[Forecaster]):
-        self.forecasters = sorted(forecasters, key=lambda f: -len(f.card.supporters))
+        given = list(forecasters) if isinstance(forecasters, Iterable) else forecasters
+        refuse_unless(sequence(a(Forecaster)), given, "Fallbacks", "forecasters")
+        self.forecasters = sorted(given, key=lambda f: -len(f.card.supporters))
         if not self.forecasters:
             raise InputError("at least one model is needed")
         first = self.forecasters[0].card
@@ -162,9 +166,20 @@ class Fallbacks:
         MismatchError
             If every model lacks one.
         """
-        found = {name: pose for name, pose in poses.items() if np.isfinite(pose).all()}
+        refuse_unless(NAMED, poses, "Fallbacks.predict", "poses")
+        found = {name: pose for name, pose in poses.items() if not _is_missing(pose)}
         forecaster = self.usable(found)[0]
         return forecaster.predict(found, object_name, models=models, **options)
+
+
+def _is_missing(pose: Any) -> bool:
+    """Test whether a pose is none, a placeholder or not finite; others are judged later."""
+    try:
+        numbers = np.asarray(pose, dtype=np.float64)
+    except Exception:
+        return pose is None
+    whole = numbers.shape == (4, 4)
+    return not np.isfinite(numbers).all() or (whole and bool(is_placeholder(numbers)))
 
 
 def certificate_of(

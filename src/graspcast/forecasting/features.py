@@ -30,6 +30,7 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
+from graspcast.io.arguments import NAME, a, checked, mapping
 from graspcast.pose.metrics import add, nearest_symmetric
 from graspcast.pose.ray_frame import obj_R_ray, relative
 from graspcast.pose.transforms import compose, euler_zyx, invert, rotation_vector
@@ -269,6 +270,7 @@ def _adds(
         yield rows, dataset, obj_id, np.stack(adds, axis=1)
 
 
+@checked(estimates=a(Estimates), principal=NAME, which=NAME, models=mapping(a(Models), "dataset"))
 def consensus_features(
     estimates: Estimates,
     principal: str,

@@ -23,7 +23,7 @@ from graspcast.forecasting.model_file import read_model, write_model
 from graspcast.forecasting.models.base import Predictor
 from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.forecasting.novelty import OOD_ALPHA, Disagreement, Novelty
-from graspcast.forecasting.pose_checks import estimate_problems, estimates_of_one
+from graspcast.forecasting.pose_checks import ARGUMENTS, estimate_problems, estimates_of_one
 from graspcast.forecasting.verdict import (
     Verdict,
     VerdictRow,
@@ -32,10 +32,12 @@ from graspcast.forecasting.verdict import (
     verdict_rows,
 )
 from graspcast.forecasting.warm_up import warm_up as _warm_up
+from graspcast.io.arguments import checked
 
 __all__ = ["Forecaster"]
 
 
+@checked(**ARGUMENTS)
 @dataclass(frozen=True, eq=False)
 class Forecaster:
     """A trained model of grasp success, a novelty detector, and the model card.
@@ -241,7 +243,7 @@ class Forecaster:
         poses
             Estimator's name to its ``cam_T_obj``, metres; None or a pose at the camera's centre
             where it found nothing: the verdict is to abstain. So it is where two estimators are
-            given one and the same array.
+            given one and the same pose.
         object_name
             ``dataset-number``, as in ``lmo-1``.
         threshold
@@ -313,7 +315,8 @@ class Forecaster:
         self._check_estimators(results)
         card = self.card
         mine = {name: results[name] for name in card.estimators}
-        estimates = align(mine, dataset=dataset, anchor=card.principal, required=False)
+        who = {"dataset": dataset, "anchor": card.principal}
+        estimates = align(mine, **who, required=False, models=models)
         verdicts: list[Verdict] = []
         if len(estimates):
             verdicts = self.verdicts(

@@ -10,12 +10,29 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.bop.models import Models
+from graspcast.bop.results import Results
 from graspcast.errors import InputError
 from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.checks import copied, diameters, no_estimate_by
 from graspcast.estimates.instances import InstanceKey, Instances, split_object_name
+from graspcast.io.arguments import NAME, NAMED, PATH, a, mapping, number
 from graspcast.pose.sanity import is_placeholder, pose_problems
 
-__all__ = ["estimate_problems", "estimates_of_one"]
+__all__ = ["ARGUMENTS", "estimate_problems", "estimates_of_one", "refuse_most"]
+
+
+ARGUMENTS = {
+    "estimates": a(Estimates),
+    "models": mapping(a(Models), "dataset"),
+    "threshold": number(),
+    "ood_alpha": number(0.0, 1.0),
+    "poses": NAMED,
+    "object_name": NAME,
+    "results": mapping(a(Results), "estimator"),
+    "dataset": NAME,
+    "path": PATH,
+}
+"""The kinds of what a forecaster's methods take."""
 
 
 def estimate_problems(estimates: Estimates, models: Mapping[str, Models] | None) -> list[str]:
@@ -32,17 +49,40 @@ def estimate_problems(estimates: Estimates, models: Mapping[str, Models] | None)
     -------
         Texts, empty for an instance with sane poses only, (n,).
     """
-    out = [""] * len(estimates)
-    diameters = _diameters(estimates.instances, models)
-    for name in estimates.estimators:
-        poses = estimates.of(name)
-        empty = is_placeholder(poses).tolist()
-        problems = pose_problems(poses, diameters)
-        for i, problem in enumerate(problems if any(problems) else ()):
-            if problem:
-                why = name if empty[i] else f"{name} (its pose {problem})"
-                out[i] = f"{out[i]}, {why}" if out[i] else f"no estimate by {why}"
+    names = estimates.estimators
+    size = diameters(estimates.dataset.tolist(), estimates.obj_id.tolist(), models)
+    found = [pose_problems(estimates.of(name), size) for name in names]
+    out = copied(names, estimates.cam_T_obj)
+    if not any(map(any, found)):
+        return out
+    for i in range(len(estimates)):
+        said = {name: mine[i] for name, mine in zip(names, found, strict=True) if mine[i]}
+        if said:
+            for name in said:
+                if is_placeholder(estimates.of(name)[i]):
+                    said[name] = ""
+            out[i] = no_estimate_by(list(said), said)
     return out
+
+
+def refuse_most(estimates: Estimates, models: Mapping[str, Models] | None) -> None:
+    """Raise if an estimator has no sane pose of one instance in ten, or more.
+
+    Single wild estimates are what forecasts learn from; many are another unit or frame.
+
+    Raises
+    ------
+    InputError
+        Naming the estimator, and what is wrong with one of its poses.
+    """
+    size = diameters(estimates.dataset.tolist(), estimates.obj_id.tolist(), models)
+    for name in estimates.estimators:
+        said = list(filter(None, pose_problems(estimates.of(name), size)))
+        if len(said) > 0.1 * len(estimates):
+            raise InputError(
+                f"{len(said)} of {len(estimates)} poses by {name} cannot be: one {said[0]}",
+                parameters=("estimates",),
+            )
 
 
 def estimates_of_one(
@@ -64,7 +104,7 @@ def estimates_of_one(
     Returns
     -------
         The estimates; and why there is no forecast, or an empty text: an estimator found nothing
-        (None or a placeholder), or two are given one and the same array, which always agrees.
+        (None or a placeholder), or two are given one and the same pose, which always agrees.
 
     Raises
     ------
@@ -75,41 +115,25 @@ def estimates_of_one(
     arrays = [np.eye(4) if p is None else _as_matrix(name, p) for name, p in poses.items()]
     instances = Instances.of([InstanceKey(dataset, 0, 0, obj_id, 0)])
     stacked = np.stack(arrays)
-    diameters = np.repeat(_diameters(instances, models), len(stacked))
+    size = np.repeat(diameters([dataset], [obj_id], models), len(stacked))
     missing = []
-    for name, pose, problem in zip(poses, stacked, pose_problems(stacked, diameters), strict=True):
+    for name, pose, problem in zip(poses, stacked, pose_problems(stacked, size), strict=True):
         if problem and not is_placeholder(pose):
             raise InputError(f"the pose by {name} {problem}")
         if problem:
             missing.append(name)
-    reason = f"no estimate by {', '.join(missing)}" if missing else _same_array(poses)
-    return Estimates(tuple(poses), instances, stacked[:, None]), reason
-
-
-def _same_array(poses: Mapping[str, Any]) -> str:
-    names: dict[int, str] = {}
-    for name, pose in poses.items():
-        if (first := names.setdefault(id(pose), name)) != name:
-            return f"{first} and {name} are given one and the same array, which always agrees"
-    return ""
+    estimates = Estimates(tuple(poses), instances, stacked[:, None])
+    if missing:
+        return estimates, no_estimate_by(missing, {})
+    return estimates, copied(estimates.estimators, estimates.cam_T_obj)[0]
 
 
 def _as_matrix(name: str, pose: Any) -> Float[ndarray, "4 4"]:
     try:
-        out = np.asarray(pose, dtype=np.float64)
-    except (TypeError, ValueError):
+        given = np.asarray(pose)
+        out = np.asarray(given, dtype=np.float64) if given.dtype.kind in "fiuO" else np.empty(0)
+    except Exception:  # tensors of other libraries raise what they like
         out = np.empty(0)
     if out.shape != (4, 4):
         raise InputError(f"the pose by {name} is not a 4x4 matrix of numbers")
     return out
-
-
-def _diameters(instances: Instances, models: Mapping[str, Models] | None) -> Float[ndarray, " n"]:
-    """Return the diameter of each instance's object, metres, NaN where no model is known."""
-    pairs = list(zip(instances.dataset.tolist(), instances.obj_id.tolist(), strict=True))
-    known = {
-        (dataset, obj_id): models[dataset].info[obj_id].diameter_m
-        for dataset, obj_id in set(pairs)
-        if models and dataset in models and obj_id in models[dataset].info
-    }
-    return np.array([known.get(pair, np.nan) for pair in pairs], dtype=np.float64)

@@ -21,7 +21,9 @@ from graspcast.forecasting.models.base import Predictor
 from graspcast.forecasting.models.blend import Blend, ForestSettings
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble, NetworkSettings
 from graspcast.forecasting.novelty import OOD_ALPHA, Novelty
+from graspcast.forecasting.pose_checks import refuse_most
 from graspcast.forecasting.training_data import TrainingData
+from graspcast.io.arguments import NAME, a, checked, mapping
 from graspcast.io.progress import Progress
 from graspcast.io.provenance import versions
 
@@ -33,6 +35,7 @@ _DIRECT_WEIGHT = {"blend": None, "two-stage": 0.0, "direct": 1.0}
 """Methods made of forests, and the weight of the direct forest if not that of the settings."""
 
 
+@checked(training_data=a(TrainingData), method=NAME, models=mapping(a(Models), "dataset"))
 def train_forecaster(
     training_data: TrainingData,
     *,
@@ -125,6 +128,7 @@ def fit_forecaster(
         pools, scales = method == "MLP-O", features == "rich"
         used = replace(settings or NetworkSettings(), pools_objects=pools, standardise=scales)
     card = _card(scope, method, feature_set, used, models or {})
+    refuse_most(data.estimates, models)
     values = features_of(data.estimates, card.principal, card.features, models).values
     predictor: Predictor
     if method in _DIRECT_WEIGHT:

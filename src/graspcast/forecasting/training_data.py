@@ -12,7 +12,7 @@ import polars as pl
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.errors import MismatchError, UnknownNameError
+from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import Instances
 from graspcast.estimates.outcomes import (
@@ -21,6 +21,7 @@ from graspcast.estimates.outcomes import (
     read_error_outcomes,
     success_of_each,
 )
+from graspcast.io.arguments import NAME, PATH, a, checked, refuse_unless, sequence
 
 __all__ = ["SimulatedTrials", "TrainingData"]
 
@@ -60,6 +61,9 @@ class SimulatedTrials:
         MismatchError
             If there are none of this gripper.
         """
+        paths = list(paths) if isinstance(paths, Iterable) and not isinstance(paths, str) else paths
+        some = (lambda given: bool(given) and sequence(PATH)[0](given), "a list of paths")
+        refuse_unless(some, paths, "SimulatedTrials.read", "paths")
         tables, errors = zip(*(read_error_outcomes(path) for path in paths), strict=True)
         table = pl.concat(tables)
         mine = (table["gripper"] == gripper).to_numpy()
@@ -114,6 +118,12 @@ class TrainingData:
     obj_T_est: Float[ndarray, "k n 4 4"] | None = None
 
     @classmethod
+    @checked(
+        estimates=a(Estimates),
+        outcomes=a(pl.DataFrame, type(None), words="a table, or None"),
+        principal=NAME,
+        gripper=NAME,
+    )
     def join(
         cls,
         estimates: Estimates,
@@ -296,6 +306,12 @@ def _check_numbering(
 
 
 def _check_gripper(outcomes: pl.DataFrame, gripper: str) -> None:
+    needed = ("estimator", "dataset", "scene_id", "im_id", "obj_id", "gripper", "success")
+    if missing := [name for name in needed if name not in outcomes.columns]:
+        raise InputError(
+            f"the outcomes lack {', '.join(missing)}; read_outcomes reads one from a file",
+            parameters=("outcomes",),
+        )
     grippers = outcomes["gripper"].unique().sort().to_list()
     if gripper not in grippers:
         raise UnknownNameError(

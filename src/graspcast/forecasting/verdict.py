@@ -18,6 +18,7 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import KEY_COLUMNS, InstanceKey
 from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.forecasting.novelty import OOD_ALPHA, Disagreement
+from graspcast.io.arguments import PATH, a, checked, number, refuse_unless, sequence
 from graspcast.io.files import write_text
 from graspcast.io.reading import read_text
 from graspcast.pose.transforms import transform
@@ -122,7 +123,8 @@ def check_threshold(threshold: float) -> float:
     InputError
         If it is not between 0 and 1.
     """
-    if not 0.0 <= threshold <= 1.0:
+    is_share, _ = number(0.0, 1.0)
+    if not is_share(threshold):
         raise InputError(f"the threshold is a probability between 0 and 1, not {threshold}")
     return threshold
 
@@ -209,17 +211,19 @@ def verdict_rows(
     triples = zip(estimates.instances.to_keys(), verdicts, estimates.of(principal), strict=True)
     rows = [VerdictRow(key, verdict=given, cam_T_obj=pose, **who) for key, given, pose in triples]
     for gap in estimates.incomplete:
-        verdict = Verdict(False, None, f"no estimate by {', '.join(gap.missing)}")
+        verdict = Verdict(False, None, gap.reason)
         rows.append(VerdictRow(gap.key, verdict=verdict, cam_T_obj=gap.cam_T_obj, **who))
     return sorted(rows, key=lambda row: row.key)
 
 
+@checked(path=PATH)
 def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> None:
     """Write verdicts as CSV, atomically; no probability is an empty field."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(COLUMNS)
-    rows = list(rows)
+    rows = list(rows) if isinstance(rows, Iterable) else rows
+    refuse_unless(sequence(a(VerdictRow)), rows, "write_verdicts", "rows")
     poses = np.stack([row.cam_T_obj for row in rows]) if rows else np.empty((0, 4, 4))
     R, t = poses[:, :3, :3].reshape(-1, 9).tolist(), millimetres(poses[:, :3, 3]).tolist()
     for i, row in enumerate(rows):
@@ -240,6 +244,7 @@ def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> Non
     write_text(path, out.getvalue())
 
 
+@checked(path=PATH)
 def read_verdicts(path: str | PathLike[str]) -> list[VerdictRow]:
     """Read what :func:`write_verdicts` wrote, in the order of the file.
 

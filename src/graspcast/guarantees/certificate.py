@@ -10,6 +10,7 @@ from typing import Any, get_args
 from graspcast.errors import FormatError, GraspcastError, MismatchError, UnknownNameError
 from graspcast.guarantees.threshold_sequence import ThresholdSequence
 from graspcast.guarantees.unit_draws import Weight
+from graspcast.io.arguments import PATH, checked
 from graspcast.io.artefacts import read_artefact, write_artefact
 from graspcast.io.json import require
 
@@ -106,6 +107,7 @@ class Guarantee:
         )
 
 
+@checked(path=PATH)
 @dataclass(frozen=True)
 class Certificate:
     """The guarantees from one set of calibration data, overall and by object.

@@ -36,6 +36,7 @@ from os import PathLike
 from typing import Any
 
 from graspcast.errors import FormatError, InputError
+from graspcast.io.arguments import FLAG, NAME, PATH, a, checked, number, refuse_unless
 from graspcast.io.artefacts import read_artefact, write_artefact
 from graspcast.io.json import require
 
@@ -46,6 +47,7 @@ _ALTERNATIVES = 8
 _NOTHING = (-math.inf,) * _ALTERNATIVES
 
 
+@checked(path=PATH, success=FLAG, unit=NAME)
 @dataclass
 class DriftMonitor:
     """Test a stream of attempts for a success rate below the guaranteed one.
@@ -102,11 +104,14 @@ class DriftMonitor:
 
     def __post_init__(self) -> None:
         for name in ("rate", "alpha"):
+            refuse_unless(number(), getattr(self, name), "DriftMonitor", name)
             if not 0.0 < getattr(self, name) < 1.0:
                 raise InputError(
                     f"a monitor's {name} should be above 0 and below 1, not {getattr(self, name)}",
                     parameters=(name,),
                 )
+        most = a(int, type(None), words="a whole number or None")
+        refuse_unless(most, self.max_attempts_per_unit, "DriftMonitor", "max_attempts_per_unit")
         if self.max_attempts_per_unit is not None and self.max_attempts_per_unit < 1:
             raise InputError(
                 f"max_attempts_per_unit should be 1 or more, not {self.max_attempts_per_unit}",

@@ -15,6 +15,7 @@ from graspcast.bop.results import read_results
 from graspcast.estimates.error_tables import measure
 from graspcast.forecasting.features import consensus_features, mean_add
 from graspcast.forecasting.models.add_threshold import fit_thresholds, predict_below
+from graspcast.io.arguments import a, checked
 from graspcast.io.progress import Progress, step_of
 from graspcast.paper.configurations import CONFIGURATIONS, Cell, CellKey, run
 from graspcast.paper.dataset import DATASETS, ESTIMATORS, GRIPPERS, OBJECTS, Published
@@ -175,6 +176,7 @@ def table3_networks(
     return out
 
 
+@checked(data=a(Published))
 def reproduce(
     data: Published,
     *,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -13,16 +14,15 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.detections import Detections
 from graspcast.errors import GraspcastError, InputError
+from graspcast.io.arguments import a, checked
 from graspcast.io.conformance import Check, Report, UnmetError
 from graspcast.perception.estimator import Estimator, Poses
-from graspcast.pose.sanity import is_placeholder
-from graspcast.pose.transforms import project_to_rotation
+from graspcast.pose.conventions import CONVENTIONS
+from graspcast.pose.sanity import is_placeholder, pose_problems
 
 __all__ = ["EstimatorReport", "check_estimator"]
 
 _IMAGES = 3
-_RIGID = 1e-6
-_NEAR_M, _FAR_M = 0.05, 20.0
 _SAME = 1e-6
 _MAX_OFFSET = 0.75
 """Largest distance of an object's origin from the centre of its box, in sides of the box."""
@@ -38,11 +38,15 @@ class EstimatorReport(Report):
 class _Trials:
     """Test images with camera and detections, and the estimator's outputs for them."""
 
-    images: list[tuple[UInt8[ndarray, "h w 3"], Float[ndarray, "3 3"], Detections]]
+    diameter_m: dict[int, float]
+    images: list[tuple[UInt8[ndarray, "h w 3"], Float[ndarray, "3 3"], Detections]] = field(
+        default_factory=list
+    )
     outputs: list[Poses] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
 
 
+@checked(dataset=a(BopDataset), detections=a(Detections))
 def check_estimator(
     estimator: Estimator, dataset: BopDataset, detections: Detections
 ) -> EstimatorReport:
@@ -52,8 +56,9 @@ def check_estimator(
 
     - ``attributes``: it has a name, object ids and the method ``estimate``;
     - ``output``: one pose and one score per detection;
-    - ``rigid``: rigid transforms; finite scores from 0 to 1;
-    - ``metres``: poses in metres, in front of the camera;
+    - ``rigid``: finite scores from 0 to 1; rigid transforms, in front of the camera;
+    - ``metres``: no pose is too near or too far for the object's size, so that they are in metres
+      (both by :func:`graspcast.pose.sanity.pose_problems`, as everywhere);
     - ``position``: objects are where they were detected;
     - ``deterministic``: the same input gives the same output;
     - ``order``: the order of the detections does not matter;
@@ -82,7 +87,7 @@ def check_estimator(
         If the estimator knows none of the detected objects.
     """
     checks: list[Check] = []
-    trials = _Trials([])
+    trials = _Trials({number: known.diameter_m for number, known in dataset.models.info.items()})
     for name, check in _CHECKS:
         if name == "output":
             trials.images = _images(estimator, dataset, detections)
@@ -141,46 +146,74 @@ def _output(estimator: Estimator, trials: _Trials) -> str:
     return f"{found} poses for {asked} detections in {len(trials.images)} images"
 
 
-def _found(trials: _Trials) -> Float[ndarray, "n 4 4"]:
-    poses = np.concatenate([p.cam_T_obj for p in trials.outputs])
-    return poses[~is_placeholder(poses)]
+def _found(trials: _Trials) -> tuple[Float[ndarray, "n 4 4"], Float[ndarray, " n"]]:
+    """Return all poses, and the diameters of their objects."""
+    poses = np.concatenate([p.cam_T_obj for p in trials.outputs]).astype(np.float64)
+    numbers = np.concatenate([seen.obj_id for _, _, seen in trials.images]).tolist()
+    diameter_m = np.array([trials.diameter_m.get(number, np.nan) for number in numbers])
+    found = ~is_placeholder(poses)
+    return poses[found], diameter_m[found]
+
+
+def _refuse_problems(problems: list[str], hint: str = "") -> None:
+    """Fail if there are any, with the most common one."""
+    if said := Counter(problem for problem in problems if problem):
+        raise UnmetError(
+            f"{said.total()} of {len(problems)} poses cannot be: one {said.most_common(1)[0][0]}"
+            f"{hint}"
+        )
 
 
 def _rigid(estimator: Estimator, trials: _Trials) -> str:
-    poses = _found(trials)
     scores = np.concatenate([p.score for p in trials.outputs])
-    if not (np.isfinite(poses).all() and np.isfinite(scores).all()):
-        raise UnmetError("a pose or a score is not finite; for 'nothing found' return the identity")
+    if not np.isfinite(scores).all():
+        raise UnmetError("a score is not finite; for 'nothing found' return the identity and 0")
     if scores.min() < 0 or scores.max() > 1:
         raise UnmetError(f"scores range from {scores.min():g} to {scores.max():g}; expected 0 to 1")
-    distance = np.abs(poses[:, :3, :3] - project_to_rotation(poses[:, :3, :3])).max()
-    if distance > _RIGID or not (poses[:, 3] == [0, 0, 0, 1]).all():
-        raise UnmetError(f"a pose is {distance:.3g} away from a rigid transform")
-    return f"within {distance:.0e} of a rotation"
+    poses, _ = _found(trials)
+    # Distances ("is … m away") are the next check's.
+    problems = ["" if text.startswith("is ") else text for text in pose_problems(poses)]
+    behind = any("behind the camera" in problem for problem in problems)
+    _refuse_problems(problems, f"; {where}" if behind and (where := _where(trials)) else "")
+    return f"{len(poses)} poses are rigid transforms, in front of the camera"
 
 
 def _metres(estimator: Estimator, trials: _Trials) -> str:
-    z = _found(trials)[:, 2, 3]
-    if z.min() <= 0:
-        raise UnmetError(f"an object has z = {z.min():.3g} m; the camera looks along +z")
-    if not _NEAR_M < np.median(z) < _FAR_M:
-        raise UnmetError(f"the median distance is {np.median(z):.4g}; are these metres?")
+    poses, diameter_m = _found(trials)
+    _refuse_problems(pose_problems(poses, diameter_m))
+    z = poses[:, 2, 3]
     return f"{z.min():.2f} to {z.max():.2f} m away"
 
 
-def _position(estimator: Estimator, trials: _Trials) -> str:
+def _offset(trials: _Trials, change: Callable[[ndarray], ndarray]) -> float:
+    """Return how far origins of changed poses are from their boxes' centres, in sides (median)."""
     offsets = []
     for (_, K, seen), poses in zip(trials.images, trials.outputs, strict=True):
         found = ~is_placeholder(poses.cam_T_obj)
-        pixel = poses.cam_T_obj[found, :3, 3] @ K.T
+        pixel = change(poses.cam_T_obj[found])[:, :3, 3] @ K.T
         box = seen.box_xywh[found]
-        off = np.abs(pixel[:, :2] / pixel[:, 2:] - box[:, :2] - box[:, 2:] / 2)
+        depth = np.where(pixel[:, 2:] > 0, pixel[:, 2:], np.nan)  # nothing is seen behind
+        off = np.abs(pixel[:, :2] / depth - box[:, :2] - box[:, 2:] / 2)
         offsets.extend((off.max(axis=1) / box[:, 2:].max(axis=1)).tolist())
-    median = float(np.median(offsets))
+    return float(np.median(np.nan_to_num(offsets, nan=np.inf)))
+
+
+def _where(trials: _Trials) -> str:
+    """Name the convention in which the poses are where their objects were detected, if any."""
+    changed = [(_offset(trials, other.undo), other) for other in CONVENTIONS]
+    least, convention = min(changed, key=lambda pair: pair[0])
+    if least > _MAX_OFFSET:
+        return ""
+    return f"they are where they were detected when {convention.change}: {convention.question}"
+
+
+def _position(estimator: Estimator, trials: _Trials) -> str:
+    median = _offset(trials, lambda poses: poses)
     if median > _MAX_OFFSET:
+        usual = "is it cam_T_obj, with x right, y down and z forward, and of the object?"
         raise UnmetError(
-            f"objects are {median:.1f} box sides away from their detections; is the pose "
-            "cam_T_obj, with x right, y down and z forward, and the object's own origin?"
+            f"objects are {median:.1f} box sides away from their detections; "
+            f"{_where(trials) or usual}"
         )
     return f"origins are {median:.2f} box sides from the centres of the detections (median)"
 

@@ -10,6 +10,7 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from graspcast.errors import UnknownNameError
+from graspcast.io.arguments import NAME, PATH, checked
 
 if TYPE_CHECKING:
     from graspcast.bop.detections import Detections
@@ -88,6 +89,7 @@ class Estimator(Protocol):
         ...
 
 
+@checked(name=NAME, weights=PATH)
 def built_in(name: str, weights: str | PathLike[str] | None = None) -> Estimator:
     """Load a built-in estimator.
 

@@ -14,8 +14,10 @@ from graspcast.pose.lengths import Reference, between, shown, unit_problem
 
 __all__ = [
     "FARTHEST_DIAMETERS",
+    "FARTHEST_M",
     "MAX_ROTATION_DEVIATION",
     "NEAREST_DIAMETERS",
+    "NEAREST_M",
     "USUAL_DIAMETERS",
     "distance_reference",
     "is_placeholder",
@@ -39,6 +41,8 @@ NEAREST_DIAMETERS = 0.5
 
 USUAL_DIAMETERS = (1.0, 30.0)
 """Distances in diameters that suggest a unit of length."""
+NEAREST_M, FARTHEST_M = 0.02, 20.0
+"""The range where the object's size is unknown; published estimates are 0.3 to 2 m away."""
 
 
 def is_placeholder(cam_T_obj: Float[ndarray, "*n 4 4"]) -> Bool[ndarray, "*n"]:
@@ -59,8 +63,8 @@ def pose_problems(
     cam_T_obj
         Poses of objects in the camera frame (OpenCV), metres, (n, 4, 4).
     diameter_m
-        The objects' diameters, metres, NaN where unknown; without them distances are not checked
-        against the object's size.
+        The objects' diameters, metres, NaN where unknown; without them distances are only held
+        against the wide range from :data:`NEAREST_M` to :data:`FARTHEST_M`.
 
     Returns
     -------
@@ -81,8 +85,10 @@ def _sane(
     with np.errstate(invalid="ignore"):
         # Stricter than the distance to the nearest rotation, which takes a decomposition.
         deviation = np.linalg.norm(np.swapaxes(R, 1, 2) @ R - np.eye(3), axis=(1, 2))
-        ratio = np.linalg.norm(t, axis=1) / diameter_m
-        near = np.isnan(diameter_m) | ((ratio >= NEAREST_DIAMETERS) & (ratio <= FARTHEST_DIAMETERS))
+        distance = np.linalg.norm(t, axis=1)
+        nearest = np.where(np.isnan(diameter_m), NEAREST_M, NEAREST_DIAMETERS * diameter_m)
+        farthest = np.where(np.isnan(diameter_m), FARTHEST_M, FARTHEST_DIAMETERS * diameter_m)
+        near = (distance >= nearest) & (distance <= farthest)
         last = (cam_T_obj[:, 3] == [0.0, 0.0, 0.0, 1.0]).all(axis=1)
         proper = (deviation < MAX_ROTATION_DEVIATION) & (np.linalg.det(R) > 0)
         out: ndarray = (
@@ -122,7 +128,10 @@ def rotation_problem(R: Float[ndarray, "3 3"]) -> str:
 
 def _distance_problem(distance_m: float, diameter_m: float) -> str:
     if not np.isfinite(diameter_m):
-        return ""
+        where = f"an object of unknown size should be {between(NEAREST_M, FARTHEST_M)} away"
+        return unit_problem(
+            "has a distance that", distance_m, Reference(where, NEAREST_M, FARTHEST_M)
+        )
     reference = distance_reference(diameter_m, NEAREST_DIAMETERS, FARTHEST_DIAMETERS)
     return unit_problem("has a distance that", distance_m, reference)
 

@@ -15,6 +15,7 @@ import polars as pl
 from graspcast._version import __version__
 from graspcast.errors import CampaignStoppedError, GraspcastError
 from graspcast.estimates.outcomes import ERROR_COLUMNS, TRIAL_COLUMNS, error_numbers
+from graspcast.io.arguments import PATH, a, checked
 from graspcast.io.hashing import canonical_json, sha256
 from graspcast.simulation.campaign.dataset_card import write_card
 from graspcast.simulation.campaign.executors import Executor, LocalExecutor
@@ -28,6 +29,7 @@ __all__ = ["reason_counts", "run_campaign"]
 _BATCH_SIZE = 16
 
 
+@checked(requests=a(TrialRequests), setups=a(Mapping), out=PATH)
 def run_campaign(
     requests: TrialRequests,
     setups: Mapping[tuple[str, str], TrialSetup],

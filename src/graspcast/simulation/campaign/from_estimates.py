@@ -16,6 +16,7 @@ from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
 from graspcast.estimates.alignment import estimate_ids
 from graspcast.estimates.matching import match
+from graspcast.io.arguments import NAME, a, checked, mapping, sequence
 from graspcast.pose.transforms import compose, invert
 from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.grasps.table import GraspTable
@@ -23,6 +24,11 @@ from graspcast.simulation.grasps.table import GraspTable
 __all__ = ["trials_from_estimates"]
 
 
+@checked(
+    results=mapping(mapping(a(Results), "estimator"), "dataset"),
+    datasets=mapping(a(BopDataset), "dataset"),
+    grippers=sequence(NAME),
+)
 def trials_from_estimates(
     results: Mapping[str, Mapping[str, Results]],
     datasets: Mapping[str, BopDataset],

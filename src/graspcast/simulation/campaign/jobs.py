@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.errors import InputError, MismatchError
+from graspcast.io.arguments import a, checked
 from graspcast.io.hashing import sha256
 from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.grasps.table import GraspTable
@@ -84,6 +85,7 @@ class Batch:
     obj_T_est: Float[ndarray, "n 4 4"]
 
 
+@checked(requests=a(TrialRequests), grasps=a(GraspTable))
 def load_setups(
     requests: TrialRequests,
     grasps: GraspTable,

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
+from graspcast.io.arguments import PATH, checked
 from graspcast.io.files import write_text
 from graspcast.io.toml import TomlTable, read_toml
 from graspcast.pose.transforms import quaternion, rotation_from_quaternion, transform
@@ -135,6 +136,7 @@ class GraspTable:
         return known
 
 
+@checked(path=PATH)
 def read_grasps(path: str | PathLike[str] | None = None) -> GraspTable:
     """Read the built-in grasps and those of a file, which take precedence.
 

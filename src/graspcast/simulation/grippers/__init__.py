@@ -7,6 +7,7 @@ from os import PathLike
 from pathlib import Path
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
+from graspcast.io.arguments import PATH, checked
 from graspcast.simulation.grippers.franka import FrankaHand
 from graspcast.simulation.grippers.mjcf import MjcfGripper
 from graspcast.simulation.grippers.protocol import Gripper
@@ -20,6 +21,7 @@ GRIPPERS: dict[str, Callable[[], Gripper]] = {"parallel": FrankaHand, "underactu
 _OTHER_NAMES = {"franka": "parallel", "tendon_hand": "underactuated"}
 
 
+@checked(name_or_path=PATH)
 def load_gripper(name_or_path: str | PathLike[str]) -> Gripper:
     """Load a built-in gripper by name, or a custom one from its TOML file.
 

@@ -13,6 +13,7 @@ import numpy as np
 from graspcast.bop.meshes import Mesh
 from graspcast.bop.models import read_models_info
 from graspcast.errors import ExtraMissingError, InputError
+from graspcast.io.arguments import a, checked
 from graspcast.simulation.objects.catalogue import Catalogue, ObjectEntry, read_catalogue
 from graspcast.simulation.objects.decomposition import Decomposition, decompose
 from graspcast.simulation.objects.meshes import mass_properties, read_mesh
@@ -29,6 +30,7 @@ __all__ = ["load_mesh", "load_object", "why_no_mesh", "with_physics"]
 BopDirectories = Mapping[str, str | PathLike[str]]
 
 
+@checked(name=a(str, tuple, words="an object's name, or dataset and number"))
 def load_object(
     name: str | tuple[str, int],
     *,
@@ -59,6 +61,8 @@ def load_object(
     ExtraMissingError
         If the mesh of a YCB object is not available.
     """
+    if isinstance(name, tuple) and len(name) != 2:
+        raise InputError(f"an object is a name, or a dataset and a number, not {name!r}")
     catalogue = read_catalogue() if catalogue is None else catalogue
     entry = catalogue[name if isinstance(name, str) else f"{name[0]}-{name[1]}"]
     mesh = load_mesh(entry, bop_dirs)
