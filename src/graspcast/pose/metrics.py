@@ -16,9 +16,10 @@ from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float
-from numba import njit, prange
+from numba import prange
 from numpy import ndarray
 
+from graspcast.io.compiling import cached_njit
 from graspcast.pose.transforms import compose, invert, rotation_angle, transform_points
 
 __all__ = [
@@ -59,8 +60,8 @@ def _distances(difference, points):
     return mean, largest
 
 
-_distances_serial = njit(cache=True, fastmath=_FAST)(_distances)
-_distances_parallel = njit(parallel=True, cache=True, fastmath=_FAST)(_distances)
+_distances_serial = cached_njit(fastmath=_FAST)(_distances)
+_distances_parallel = cached_njit(parallel=True, fastmath=_FAST)(_distances)
 
 
 def _mean_and_largest(
@@ -73,7 +74,7 @@ def _mean_and_largest(
 
 
 @no_type_check
-@njit(parallel=True, cache=True, fastmath=_FAST)
+@cached_njit(parallel=True, fastmath=_FAST)
 def _largest_pixel_distance(first, second, points):
     """Compute the largest distance of projections by 3x4 matrices first[i] and second[i, s]."""
     n, symmetries, count = second.shape[0], second.shape[1], points.shape[1]

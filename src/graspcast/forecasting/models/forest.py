@@ -14,8 +14,10 @@ from typing import Any, no_type_check
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
-from numba import njit, prange
+from numba import prange
 from numpy import ndarray
+
+from graspcast.io.compiling import cached_njit
 
 __all__ = ["Forest", "flatten", "walk"]
 
@@ -154,7 +156,7 @@ def flatten(model: Any) -> Forest:
 
 
 @no_type_check
-@njit(cache=True, inline="always")
+@cached_njit(inline="always")
 def walk(row, node, feature, threshold, right):
     """Return the leaf that a row reaches from a tree's first node."""
     column = feature[node]
@@ -167,7 +169,7 @@ def walk(row, node, feature, threshold, right):
 
 
 @no_type_check
-@njit(cache=True, parallel=True)
+@cached_njit(parallel=True)
 def _mean(rows, feature, threshold, right, value, roots):
     out = np.empty(len(rows))
     for i in prange(len(rows)):
@@ -179,7 +181,7 @@ def _mean(rows, feature, threshold, right, value, roots):
 
 
 @no_type_check
-@njit(cache=True, parallel=True)
+@cached_njit(parallel=True)
 def _leaves(rows, feature, threshold, right, value, roots):
     out = np.empty((len(rows), len(roots) - 1), dtype=np.int32)
     for i in prange(len(rows)):
