@@ -11,7 +11,7 @@ time the verb is then run to its end, and must sweep.
     lost       outcomes that were stored are gone, or a complete output is missing some
     doubled    trials that are stored twice, or that were run again though they were stored
     damaged    a file that is neither what was there before nor whole, or a run that then fails
-    hung       a process that does not end within two minutes (a campaign without one of its workers)
+    hung       a process that does not end within two minutes
     left       processes that outlive their parent by 15 s; temporary files after the next run
 """
 
@@ -171,12 +171,8 @@ def make_inputs(folder: Path, rng: np.random.Generator) -> dict[str, Path]:
         poses = truth.cam_T_obj @ exp(twists)
         made[name] = folder / f"{name}_ycbv-test.csv"
         n = len(poses)
-        write_results(
-            made[name],
-            Results(
-                truth.scene_id, truth.im_id, truth.obj_id, np.ones(n), poses, np.ones(n), np.arange(n)
-            ),
-        )  # fmt: skip
+        fields = (truth.scene_id, truth.im_id, truth.obj_id, np.ones(n), poses)
+        write_results(made[name], Results(*fields, np.ones(n), np.arange(n)))
         if name == "a":
             table = read_results(made[name])
             rows = pl.DataFrame(
