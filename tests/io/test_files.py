@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from graspcast.errors import InputError
-from graspcast.io.files import atomic_write, write_text
+from graspcast.io.files import atomic_write, sweep, temporary_directory, write_text
 
 
 def names(folder: Path) -> list[str]:
@@ -150,3 +150,50 @@ def test_a_symbolic_link_is_followed_and_stays(tmp_path: Path) -> None:
     (tmp_path / "dangling").symlink_to(tmp_path / "made.txt")
     write_text(tmp_path / "dangling", "new")
     assert (tmp_path / "made.txt").read_text() == "new"
+
+
+KILLED = """
+import os, signal, sys, time
+from graspcast.io.files import atomic_write, temporary_directory
+with temporary_directory(sys.argv[1]) as folder, atomic_write(sys.argv[1] + "/a.txt") as temporary:
+    (folder / "b.txt").write_text("half")
+    temporary.write_text("half")
+    print("ready", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_temporary_files_of_a_killed_process_are_swept_by_the_next(tmp_path: Path) -> None:
+    source = str(Path(__file__).parents[2] / "src")
+    command = [sys.executable, "-c", KILLED, str(tmp_path)]
+    environment = {**os.environ, "PYTHONPATH": source}
+    (tmp_path / ".other-1.tmp").write_text("not ours")
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stdout.readline() == b"ready\n"
+        kept = names(tmp_path)
+        assert len(kept) == 3
+        sweep(tmp_path)
+        assert names(tmp_path) == kept  # in use
+        process.kill()
+    assert names(tmp_path) == kept
+    write_text(tmp_path / "c.txt", "new")
+    assert names(tmp_path) == [".other-1.tmp", "c.txt"]
+
+
+def test_a_temporary_directory_goes_with_what_it_holds(tmp_path: Path) -> None:
+    with temporary_directory(tmp_path / "made") as folder:
+        assert folder.parent == tmp_path / "made"
+        write_text(folder / "x" / "a.txt", "x")
+    assert names(tmp_path / "made") == []
+    (tmp_path / "file").write_text("in the way")
+    with (
+        pytest.raises(InputError, match=r"file: cannot be written"),
+        temporary_directory(tmp_path / "file"),
+    ):
+        pass
+
+
+def test_long_names_can_be_written(tmp_path: Path) -> None:
+    path = tmp_path / ("n" * 250 + ".txt")
+    write_text(path, "x")
+    assert path.read_text() == "x"

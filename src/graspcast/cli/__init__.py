@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import io
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 
 from graspcast._version import __version__
 from graspcast.cli import (
@@ -78,14 +81,22 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code.
 
-    0 done, 2 a mistake in the input, 3 an alarm of ``monitor``, 130 interrupted.
+    0 done, 2 a mistake in the input, 3 an alarm of ``monitor``, 130 interrupted, 141 nobody reads
+    the output any more.
     """
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal or pipe of another encoding than UTF-8 shows "?" for what it lacks.
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="replace")
     arguments_parser = parser()
     options = arguments_parser.parse_args(arguments)
     try:
         check_outputs(options)
         with logged_as_notes():
-            return options.run(options) or 0
+            code = options.run(options) or 0
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return code
     except GraspcastError as error:
         hint = _options_of(arguments_parser, options.verb, error.parameters)
         print(f"graspcast {options.verb}: {error}{hint}", file=sys.stderr)  # noqa: T201
@@ -93,6 +104,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(f"graspcast {options.verb}: interrupted", file=sys.stderr)  # noqa: T201
         return 130
+    except BrokenPipeError:
+        _discard_output()
+        return 141
+    except (OSError, MemoryError) as error:
+        what = "memory ran out" if isinstance(error, MemoryError) else str(error)
+        print(f"graspcast {options.verb}: {what}", file=sys.stderr)  # noqa: T201
+        _discard_output()
+        return 2
+
+
+def _discard_output() -> None:
+    """Keep Python from writing what is left of the output when it exits, which fails again."""
+    with suppress(OSError, ValueError, AttributeError):
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, sys.stdout.fileno())
+        os.close(null)
 
 
 def verb_parsers(top: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:

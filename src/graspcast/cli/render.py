@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import tempfile
 from pathlib import Path
 
 from graspcast.cli.console import print_text, progress_bar
@@ -69,16 +68,17 @@ def _render(options: argparse.Namespace) -> None:
     from graspcast.rendering.opengl_context import import_mujoco
 
     import_mujoco()
+    from graspcast.io.files import temporary_directory
     from graspcast.rendering.synthetic.dataset import RenderSettings, render_dataset
     from graspcast.rendering.synthetic.paint import write_painted_models
 
     settings = RenderSettings(
         options.scenes, options.images, options.seed, options.format, options.quality
     )
-    with tempfile.TemporaryDirectory() as scratch:
+    with temporary_directory(options.out.parent) as scratch:
         models = options.models
         if models is None:
-            models = Path(scratch) / "models"
+            models = scratch / "models"
             write_painted_models(models)
         with progress_bar("rendering") as move:
             render_dataset(

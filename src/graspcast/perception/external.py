@@ -16,11 +16,13 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from io import TextIOBase
+from multiprocessing.connection import wait as wait_for
 from pathlib import Path
 from threading import Thread, current_thread, main_thread
 from typing import Any
 
 from graspcast.errors import EstimatorFailedError, InputError, UnknownNameError
+from graspcast.perception import supervisor
 
 __all__ = ["command_line", "run_command"]
 
@@ -77,7 +79,7 @@ def run_command(
     """Run a command and wait for it.
 
     When this function returns or raises (on Ctrl-C too), the command has ended, and so have all
-    processes in its process group.
+    processes in its process group. They also end if this process is killed (not on Windows).
 
     Parameters
     ----------
@@ -94,7 +96,7 @@ def run_command(
         If it cannot be started, times out, or its exit code is not 0; with the last lines of its
         standard error.
     """
-    process = _start(command)
+    process = (_OnWindows if sys.platform == "win32" else _Supervised)(command)
     last: deque[str] = deque(maxlen=_QUOTED_LINES)
 
     def forward(stream: TextIOBase, keep: bool) -> None:
@@ -114,36 +116,111 @@ def run_command(
     parameters: tuple[str, ...] = ()
     try:
         with _stop_on_sigterm():
-            code = process.wait(timeout_s)
-        if code:
-            problem = (
-                f"was killed by signal {-code}" if code < 0 else f"failed with exit code {code}"
-            )
+            problem = process.wait(timeout_s)
     except subprocess.TimeoutExpired:
         problem, parameters = f"timed out after {timeout_s:g} s", ("timeout_s",)
     finally:
-        _end(process)
+        process.end()
         for reader in readers:
             reader.join(_GRACE_S)
     if problem:
         raise EstimatorFailedError(command, problem, list(last), parameters=parameters)
 
 
-def _start(command: Sequence[str]) -> subprocess.Popen[str]:
-    """Start a command in a new process group."""
-    own_group: dict[str, Any] = {"start_new_session": True}
-    if sys.platform == "win32":
-        own_group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+class _Supervised:
+    """A command in a process group of its own, which ends when this process does."""
+
+    def __init__(self, command: Sequence[str]):
+        watched, self._held = os.pipe()
+        self._report, report = os.pipe()
+        program = [sys.executable, "-I", "-S", supervisor.__file__]
+        numbers = [str(watched), str(report), str(_GRACE_S)]
+        try:
+            self._process = _start(
+                [*program, *numbers, *command],
+                command,
+                pass_fds=(watched, report),
+                start_new_session=True,
+            )
+        except BaseException:
+            os.close(self._held)
+            os.close(self._report)
+            raise
+        finally:
+            os.close(watched)
+            os.close(report)
+        self.stdout, self.stderr = self._process.stdout, self._process.stderr
+        self._said: dict[str, str] = {}
+
+    def wait(self, timeout_s: float | None) -> str:
+        """Wait for the command's end and return what went wrong; TimeoutExpired if it is late."""
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        text = b""
+        while "code" not in self._said:
+            left = None if deadline is None else max(0.0, deadline - time.monotonic())
+            if not wait_for([self._report], left):
+                raise subprocess.TimeoutExpired("", timeout_s or 0.0)
+            received = os.read(self._report, 4096)
+            text += received
+            *lines, text = text.split(b"\n")
+            self._said |= dict(line.decode(errors="replace").split(" ", 1) for line in lines)
+            if not received:
+                return "was killed together with its supervising process"
+        if "error" in self._said:
+            return f"cannot be started ({self._said['error']})"
+        return _problem(int(self._said["code"]))
+
+    def end(self) -> None:
+        """End the command and its process group."""
+        os.close(self._held)
+        try:
+            self._process.wait(2 * _GRACE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+        finally:  # also after a second Ctrl-C, when the supervisor goes on
+            os.close(self._report)
+            if "pid" in self._said and self._process.poll() != 0:
+                with suppress(ProcessLookupError, PermissionError):
+                    os.killpg(int(self._said["pid"]), signal.SIGKILL)
+
+
+class _OnWindows:  # pragma: no cover - there are no process groups with signals
+    """A command, which is ended with its descendants."""
+
+    def __init__(self, command: Sequence[str]):
+        self._process = _start(
+            command, command, creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+        )
+        self.stdout, self.stderr = self._process.stdout, self._process.stderr
+
+    def wait(self, timeout_s: float | None) -> str:
+        return _problem(self._process.wait(timeout_s))
+
+    def end(self) -> None:
+        if self._process.poll() is None:
+            tree = ["taskkill", "/F", "/T", "/PID", str(self._process.pid)]
+            subprocess.run(tree, capture_output=True, check=False)
+        self._process.wait()
+
+
+def _problem(code: int) -> str:
+    if code < 0:
+        return f"was killed by signal {-code}"
+    return f"failed with exit code {code}" if code else ""
+
+
+def _start(program: Sequence[str], command: Sequence[str], **how: Any) -> subprocess.Popen[str]:
+    """Start a program for a command."""
     try:
         return subprocess.Popen(
-            command,
+            program,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
             encoding="utf-8",
             errors="replace",
-            **own_group,
+            **how,
         )
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
@@ -165,31 +242,3 @@ def _stop_on_sigterm() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-def _end(process: subprocess.Popen[str]) -> None:
-    """Stop a process and its process group, and wait for the process."""
-    if sys.platform == "win32":
-        if process.poll() is None:
-            tree = ["taskkill", "/F", "/T", "/PID", str(process.pid)]
-            subprocess.run(tree, capture_output=True, check=False)
-        process.wait()
-        return
-    try:
-        deadline = time.monotonic() + _GRACE_S
-        alive = _signal_group(process, signal.SIGTERM)
-        while alive and time.monotonic() < deadline:
-            time.sleep(0.02)
-            alive = _signal_group(process, 0)
-    finally:  # also after a second Ctrl-C
-        _signal_group(process, signal.SIGKILL)
-        process.wait()
-
-
-def _signal_group(process: subprocess.Popen[str], number: int) -> bool:
-    """Send a signal to a process group; return whether it still had processes."""
-    process.poll()  # otherwise it stays in the group as a zombie
-    with suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid, number)
-        return True
-    return False

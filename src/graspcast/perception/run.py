@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -20,6 +19,7 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.detections import Detections
 from graspcast.bop.results import Results, read_results, write_results
 from graspcast.errors import EstimatorFailedError, FormatError, InputError, UnknownNameError
+from graspcast.io.files import temporary_directory
 from graspcast.perception.estimator import Estimator
 from graspcast.perception.external import command_line, run_command
 from graspcast.pose.sanity import is_placeholder
@@ -181,17 +181,8 @@ def _temporary(out: Path) -> Iterator[Path]:
     """Yield a path of the same name in a temporary directory beside ``out``."""
     if out.is_dir():
         raise InputError(f"{out}: is a directory, not a file", parameters=("out",))
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        folder = tempfile.TemporaryDirectory(
-            prefix=f".{out.name}.", dir=out.parent, ignore_cleanup_errors=True
-        )
-    except OSError as error:
-        raise InputError(
-            f"{out}: cannot be written ({error.strerror})", parameters=("out",)
-        ) from error
-    with folder as name:
-        yield Path(name).resolve() / out.name
+    with temporary_directory(out.parent) as folder:
+        yield folder / out.name
 
 
 def _accept(

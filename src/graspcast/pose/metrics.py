@@ -16,9 +16,9 @@ from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float
-from numba import njit
 from numpy import ndarray
 
+from graspcast.io.compiling import cached_njit
 from graspcast.pose.parallel import over_rows
 from graspcast.pose.transforms import compose, invert, rotation_angle, transform_points
 
@@ -40,7 +40,7 @@ _DISTANCE_NS, _PIXEL_DISTANCE_NS = 1.0, 3.0
 
 
 @no_type_check
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@cached_njit(nogil=True, fastmath=_FAST)
 def _distances(start, stop, difference, points, mean, largest):
     """Compute mean and largest length of ``D v + d`` over points v, for each difference [D | d]."""
     count = points.shape[1]
@@ -70,7 +70,7 @@ def _mean_and_largest(
 
 
 @no_type_check
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@cached_njit(nogil=True, fastmath=_FAST)
 def _largest_pixel_distance(start, stop, first, second, points, out):
     """Compute the largest distance of projections by 3x4 matrices first[i] and second[i, s]."""
     symmetries, count = second.shape[1], points.shape[1]

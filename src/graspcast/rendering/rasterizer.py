@@ -7,8 +7,9 @@ from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
-from numba import njit
 from numpy import ndarray
+
+from graspcast.io.compiling import cached_njit
 
 __all__ = ["Canvas", "Lighting", "corner_normals"]
 
@@ -208,7 +209,7 @@ def _area_vectors(corners: Float[ndarray, "f 3 3"]) -> Float[ndarray, "f 3"]:
 
 
 @no_type_check
-@njit(cache=True)
+@cached_njit()
 def _fill(corners, colours, K, rays, farthest, colour, depth):
     """Draw triangles into the buffers, with a depth test.
 

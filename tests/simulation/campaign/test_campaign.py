@@ -158,6 +158,22 @@ def test_a_dead_worker_is_a_clear_message_and_a_state_to_go_on_from(tmp_path: Pa
     assert len(Store(directory).outcomes()) == 100
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("after_s", [0.0, 0.02, 0.2, 0.5])
+def test_a_worker_that_dies_while_it_starts_does_not_hang_the_campaign(
+    tmp_path: Path, after_s: float
+) -> None:
+    process = _start(tmp_path / "out", 40, 2)
+    _wait_for(lambda: any(map(_is_worker, _children(process.pid))))
+    time.sleep(after_s)
+    os.kill(next(filter(_is_worker, _children(process.pid))), signal.SIGKILL)
+    _, told = process.communicate(timeout=30)
+    assert process.returncode == 2
+    assert "a worker process died: it was killed by signal 9" in told
+    with Store(tmp_path / "out").lock():
+        pass
+
+
 def _children(pid: int) -> list[int]:
     path = Path(f"/proc/{pid}/task/{pid}/children")
     if not path.exists():
@@ -166,7 +182,10 @@ def _children(pid: int) -> list[int]:
 
 
 def _is_worker(pid: int) -> bool:
-    return b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    try:
+        return b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return False
 
 
 @pytest.mark.slow

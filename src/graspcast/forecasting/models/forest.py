@@ -14,9 +14,9 @@ from typing import Any, no_type_check
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
-from numba import njit
 from numpy import ndarray
 
+from graspcast.io.compiling import cached_njit
 from graspcast.pose.parallel import over_rows
 
 __all__ = ["WALK_NS", "Forest", "flatten", "walk"]
@@ -164,7 +164,7 @@ def flatten(model: Any) -> Forest:
 
 
 @no_type_check
-@njit(cache=True, inline="always")
+@cached_njit(inline="always")
 def walk(row, node, feature, threshold, right):
     """Return the leaf that a row reaches from a tree's first node."""
     column = feature[node]
@@ -177,7 +177,7 @@ def walk(row, node, feature, threshold, right):
 
 
 @no_type_check
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def _mean(start, stop, rows, feature, threshold, right, value, roots, out):
     for i in range(start, stop):
         total = 0.0
@@ -187,7 +187,7 @@ def _mean(start, stop, rows, feature, threshold, right, value, roots, out):
 
 
 @no_type_check
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def _leaves(start, stop, rows, feature, threshold, right, value, roots, out):
     for i in range(start, stop):
         for tree in range(len(roots) - 1):

@@ -21,10 +21,10 @@ from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from numba import njit
 from numpy import ndarray
 
 from graspcast.forecasting.models.forest import WALK_NS, Forest, flatten, walk
+from graspcast.io.compiling import cached_njit
 from graspcast.pose.parallel import over_rows
 from graspcast.pose.ray_frame import compressed
 from graspcast.pose.transforms import rotation_vector
@@ -244,7 +244,7 @@ def expected_success(
 
 
 @no_type_check
-@njit(cache=True)
+@cached_njit()
 def _exp(v, out):
     """Rotation matrix of a rotation vector (Rodrigues)."""
     angle = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
@@ -257,7 +257,7 @@ def _exp(v, out):
 
 
 @no_type_check
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def _expected(
     start, stop, rows, axes, distance, numbers,
     feature, threshold, right, value, roots, first, offset, members, truth,

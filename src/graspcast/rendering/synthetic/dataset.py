@@ -8,7 +8,6 @@ from __future__ import annotations
 import platform
 import re
 import shutil
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -27,6 +26,7 @@ from graspcast.bop.meshes import read_coloured_mesh
 from graspcast.bop.models import Models
 from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError, InputError
+from graspcast.io.files import temporary_directory
 from graspcast.io.json import read_json, write_json
 from graspcast.pose.transforms import invert
 from graspcast.rendering.synthetic.camera import INTRINSICS, View, random_view
@@ -152,9 +152,8 @@ def render_dataset(
     try:
         if out.exists() and (not out.is_dir() or any(out.iterdir())):
             raise InputError(f"{out}: exists already", parameters=("out",))
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as scratch:
-            made = Path(scratch) / "dataset"
+        with temporary_directory(out.parent) as scratch:
+            made = scratch / "dataset"
             _write(made, Path(models), meshes, settings, split, progress)
             if out.exists():
                 out.rmdir()

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
 import threading
-from collections.abc import Generator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from collections import deque
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from itertools import islice
-from multiprocessing.connection import wait as wait_for
+from multiprocessing.connection import wait
 from typing import Any, Protocol, runtime_checkable
 
 from graspcast.errors import ExtraMissingError, InputError, WorkerLostError
@@ -21,6 +22,9 @@ __all__ = ["Executor", "LocalExecutor", "RayExecutor", "usable_cores"]
 
 Setups = Mapping[tuple[str, str], TrialSetup]
 Done = tuple[Batch, list[Outcome]]
+
+_LEAVING_S = 5.0
+"""Time for a process whose pipe is closed to end, seconds."""
 
 
 @runtime_checkable
@@ -79,58 +83,149 @@ class LocalExecutor:
             for batch in batches:
                 yield batch, run_batch(setups[batch.setup], batch)
             return
-        pool = ProcessPoolExecutor(
-            self.workers,
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=_start_worker,
-            initargs=(setups,),
-        )
+        workers = _Workers(min(self.workers, len(batches)))
         try:
-            yield from self._results(pool, batches)
-        except BrokenProcessPool as error:
+            workers.start(setups)
+            yield from workers.results(batches)
+        finally:
+            workers.end()
+
+
+_AHEAD = 2
+"""Batches that a worker holds: two keep it busy; more would only use memory."""
+
+
+class _Worker:
+    """A worker process, the pipe to it, and the batches that it was sent, oldest first."""
+
+    def __init__(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=_work, args=(theirs,), daemon=True)
+        self.running: deque[Batch] = deque()
+        try:
+            # What is passed here must be small: `start` writes it to a pipe whose other end is open
+            # in this process too, so that it would wait for ever for a worker that is dead.
+            with _without_interrupts():
+                self.process.start()
+        except OSError as error:
+            self.pipe.close()
             raise WorkerLostError(
-                "a worker process died: it was killed, or memory ran out, or the calling script "
-                "lacks `if __name__ == '__main__':`"
+                f"a worker process could not be started ({error.strerror or error})",
+                parameters=("workers",),
             ) from error
         finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+            # With the only other end in the worker, its death ends every wait for the pipe.
+            theirs.close()
 
-    def _results(
-        self, pool: ProcessPoolExecutor, batches: Sequence[Batch]
-    ) -> Generator[Done, None, None]:
+    def send(self, message: bytes) -> None:
+        try:
+            self.pipe.send_bytes(message)
+        except OSError as error:
+            raise self.lost() from error
+
+    def receive(self) -> Done:
+        """Return the oldest batch with its outcomes."""
+        try:
+            answer = self.pipe.recv()
+        except (EOFError, OSError, pickle.UnpicklingError) as error:
+            raise self.lost() from error
+        if isinstance(answer, Exception):
+            raise answer
+        return self.running.popleft(), answer
+
+    def lost(self) -> WorkerLostError:
+        self.process.join(_LEAVING_S)
+        code = self.process.exitcode
+        if code is not None and code < 0:
+            how = f"it was killed by signal {-code}, perhaps because memory ran out"
+        else:
+            how = (
+                f"it ended with exit code {code}; its error is above, or the calling script lacks "
+                "`if __name__ == '__main__':`"
+            )
+        return WorkerLostError(f"a worker process died: {how}")
+
+    def end(self) -> None:
+        self.pipe.close()
+        self.process.kill()  # a worker writes nothing
+        self.process.join()
+        self.process.close()
+
+
+class _Workers:
+    """Worker processes, each with a pipe of its own; there are no locks that one could die with."""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._workers: list[_Worker] = []
+
+    def start(self, setups: Setups) -> None:
+        for _ in range(self._count):
+            self._workers.append(_Worker())
+        message = pickle.dumps(setups)
+        for worker in self._workers:
+            worker.send(message)
+
+    def results(self, batches: Sequence[Batch]) -> Generator[Done, None, None]:
         waiting = iter(batches)
-        running: dict[Future[list[Outcome]], Batch] = {}
-        while True:
-            # Two batches per worker keep it busy; more would only use memory.
-            for batch in islice(waiting, 2 * self.workers - len(running)):
-                running[pool.submit(_run_in_worker, batch)] = batch
-            if not running:
-                return
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                yield running.pop(future), future.result()
+        for _ in range(_AHEAD):
+            for worker in self._workers:
+                self._submit(worker, waiting)
+        while busy := {worker.pipe: worker for worker in self._workers if worker.running}:
+            for pipe in wait(list(busy)):
+                worker = busy[pipe]  # type: ignore[index]
+                done = worker.receive()
+                self._submit(worker, waiting)
+                yield done
+
+    def _submit(self, worker: _Worker, waiting: Iterator[Batch]) -> None:
+        for batch in islice(waiting, 1):
+            worker.running.append(batch)
+            worker.send(pickle.dumps(batch))
+
+    def end(self) -> None:
+        for worker in self._workers:
+            worker.end()
 
 
-_setups: Setups = {}
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Block Ctrl-C in a process that is started: its parent handles it, and stops its workers."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # when `start` starts it, it unblocks Ctrl-C again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _start_worker(setups: Setups) -> None:
-    global _setups
-    _setups = setups
-    # The parent handles Ctrl-C and stops its workers.
+def _work(pipe: Any) -> None:
+    """Run batches until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None
     threading.Thread(target=_exit_with, args=(parent.sentinel,), daemon=True).start()
+    with suppress(EOFError, OSError):  # the parent is gone
+        setups: Setups = pickle.loads(pipe.recv_bytes())
+        while True:
+            batch: Batch = pickle.loads(pipe.recv_bytes())
+            try:
+                answer: object = run_batch(setups[batch.setup], batch)
+            except Exception as error:
+                answer = error
+            pipe.send(answer)
 
 
 def _exit_with(sentinel: int) -> None:
     """Exit when the parent process ends; a killed parent cannot stop its workers."""
-    wait_for([sentinel])
+    wait([sentinel])
     os._exit(1)
-
-
-def _run_in_worker(batch: Batch) -> list[Outcome]:
-    return run_batch(_setups[batch.setup], batch)
 
 
 class RayExecutor:

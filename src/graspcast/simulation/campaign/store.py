@@ -26,6 +26,7 @@ import polars as pl
 from graspcast.errors import FormatError, InputError, MismatchError
 from graspcast.estimates.outcomes import ERROR_COLUMNS, TRIAL_COLUMNS, TRIAL_SCHEMA
 from graspcast.io.artefacts import read_artefact, write_artefact
+from graspcast.io.files import sweep
 from graspcast.io.locks import exclusive_lock
 from graspcast.io.tables import read_parquet, write_table
 
@@ -122,8 +123,8 @@ class Store:
 
     def _tidy(self) -> None:
         """Remove incomplete files of a killed process."""
-        for path in (*self.directory.glob(".*.parquet.*"), *self._shard_files(".*.parquet.*")):
-            path.unlink(missing_ok=True)
+        for directory in (self.directory, self.directory / SHARDS):
+            sweep(directory)
         self._shards = len(self._shard_files())
 
     @contextmanager
@@ -187,8 +188,8 @@ class Store:
         complete = self.directory / OUTCOMES
         return [*([complete] if complete.exists() else []), *sorted(self._shard_files())]
 
-    def _shard_files(self, pattern: str = "[!.]*.parquet") -> list[Path]:
-        return list((self.directory / SHARDS).glob(pattern))
+    def _shard_files(self) -> list[Path]:
+        return list((self.directory / SHARDS).glob("[!.]*.parquet"))
 
     def _write(self, path: Path, outcomes: pl.DataFrame) -> None:
         kept = outcomes.select(pl.col(name).cast(kind) for name, kind in COLUMNS.items())

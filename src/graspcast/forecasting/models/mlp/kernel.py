@@ -23,11 +23,11 @@ import inspect
 import math
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, Int64, UInt64
-from numba import njit
 from numpy import ndarray
 
 from graspcast.forecasting.models.mlp import simd
@@ -45,6 +45,7 @@ from graspcast.forecasting.models.mlp.simd import (
     where_positive,
     zeros,
 )
+from graspcast.io.compiling import cached_njit
 
 __all__ = [
     "History",
@@ -68,12 +69,10 @@ def _compiled(function: Callable[..., None]) -> Callable[..., None]:
     }
     # Run-time type checking in tests wraps functions; the wrapper cannot be compiled.
     function = inspect.unwrap(function)
-    try:
+    with suppress(OSError):  # no source file
         # numba's cache is invalidated by changes of this file, but not by those of simd.
         function.__qualname__ += f"_{zlib.crc32(inspect.getsource(simd).encode()):08x}"
-        compiled: Callable[..., None] = njit(cache=True, **options)(function)
-    except (OSError, RuntimeError):  # no source file, or no writable cache directory
-        compiled = njit(**options)(function)
+    compiled: Callable[..., None] = cached_njit(**options)(function)
     return compiled
 
 
