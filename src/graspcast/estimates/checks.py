@@ -188,6 +188,8 @@ def copied(names: Sequence[str], cam_T_obj: Float[ndarray, "k n 4 4"]) -> list[s
     out = [""] * cam_T_obj.shape[1]
     for j in range(1, len(names)):
         for i in range(j):
+            if not (cam_T_obj[i, :, 2, 3] == cam_T_obj[j, :, 2, 3]).any():  # nearly always
+                continue
             same = (cam_T_obj[i] == cam_T_obj[j]).all(axis=(1, 2))
             for n in np.flatnonzero(same).tolist():
                 out[n] = out[n] or (

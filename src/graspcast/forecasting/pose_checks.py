@@ -24,7 +24,7 @@ __all__ = ["ARGUMENTS", "estimate_problems", "estimates_of_one", "refuse_most"]
 ARGUMENTS = {
     "estimates": a(Estimates),
     "models": mapping(a(Models), "dataset"),
-    "threshold": number(),
+    "threshold": (number()[0], "a probability between 0 and 1"),
     "ood_alpha": number(0.0, 1.0),
     "poses": NAMED,
     "object_name": NAME,
