@@ -84,7 +84,9 @@ def test_what_no_name_decides_is_asked() -> None:
         belongs_to("m_my_parts-test.csv", [])
     with pytest.raises(InputError, match="parts or my_parts, and there are BOP directories"):
         belongs_to("m_my_parts-test.csv", ["parts", "my_parts"])
-    with pytest.raises(InputError, match="of which dataset, kit or bin"):
+    with pytest.raises(
+        InputError, match=r"of which dataset, kit or bin\? Name the file METHOD_DATASET-SPLIT"
+    ):
         belongs_to("results.csv", ["kit", "bin"])
     with pytest.raises(InputError, match="of which dataset"):
         belongs_to("results.csv", [])

@@ -102,7 +102,7 @@ def belongs_to(path: str | PathLike[str], datasets: Collection[str]) -> tuple[st
             return readings[0], True
         which = f" It is {said}." if readings else ""
         raise InputError(
-            f"{path}: of which dataset?{which} {rename.capitalize()}, or give the BOP directory",
+            f"{path}: of which dataset?{which} N{rename[1:]}, or give the BOP directory",
             parameters=("bop",),
         )
     if readings:
@@ -114,6 +114,6 @@ def belongs_to(path: str | PathLike[str], datasets: Collection[str]) -> tuple[st
     if len(datasets) == 1:
         return next(iter(datasets)), False
     raise InputError(
-        f"{path}: of which dataset, {' or '.join(datasets)}? {rename.capitalize()}",
+        f"{path}: of which dataset, {' or '.join(datasets)}? N{rename[1:]}",
         parameters=("estimates",),
     )

@@ -92,7 +92,8 @@ def read_coloured_mesh(path: str | PathLike[str]) -> tuple[Mesh, UInt8[ndarray, 
     finally:
         log.removeFilter(is_no_warning)
     mesh = _mesh(path, loaded)
-    colours = None if named and unread else _colours(loaded, len(mesh.vertices))
+    painted = getattr(getattr(loaded, "visual", None), "kind", None) == "texture"
+    colours = None if painted and unread else _colours(loaded, len(mesh.vertices))
     if colours is None and named:
         _log.warning(
             "%s: its texture %s is not there, or cannot be read; the object is drawn grey",
