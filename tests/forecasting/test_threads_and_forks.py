@@ -21,8 +21,8 @@ from graspcast.forecasting.train import train_forecaster
 from poses import write_models
 
 SETTINGS = {
-    "blend": ForestSettings(trees=16, draws=64, folds=2),
-    "MLP-O": NetworkSettings(members=2, optimiser=MlpSettings(epochs=5)),
+    "forests": ForestSettings(trees=16, draws=64, folds=2),
+    "settings": NetworkSettings(members=2, optimiser=MlpSettings(epochs=5)),
 }
 slow = pytest.mark.slow
 LAYERS = ("workqueue", *(pytest.param(name, marks=slow) for name in ("default", "omp", "tbb")))
@@ -134,11 +134,10 @@ if __name__ == "__main__":
 def folder(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
     folder = tmp_path_factory.mktemp("threads")
     models = {"d": Models(write_models(folder / "models", obj_1={}, obj_2={}))}
-    settings = SETTINGS[request.param]
     data = synthetic.training_data()
-    train_forecaster(
-        data, method=request.param, features="rich", settings=settings, models=models
-    ).save(folder / "model.npz")
+    train_forecaster(data, method=request.param, features="rich", models=models, **SETTINGS).save(
+        folder / "model.npz"
+    )
     return folder
 
 

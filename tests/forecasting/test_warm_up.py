@@ -50,7 +50,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("warm")
     models = {"d": Models(write_models(folder / "models", obj_1={}, obj_2={}))}
     train_forecaster(
-        synthetic.training_data(), method="blend", features="full", settings=SMALL, models=models
+        synthetic.training_data(), method="blend", features="full", forests=SMALL, models=models
     ).save(folder / "model.npz")
     return folder
 
