@@ -13,7 +13,7 @@ _INTRODUCTION = """\
 # The command line
 
 `graspcast VERB --help` says the same. Exit codes: 0 done, 2 a mistake in the input (one message, no
-half-written file), 3 an alarm of `monitor`, 130 interrupted.
+half-written file), 3 an alarm of `monitor`, 130 interrupted, 141 nobody reads the output any more.
 """
 
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import graspcast.errors
@@ -12,7 +13,7 @@ from campaign_script import make_requests
 from graspcast.errors import ExtraMissingError, InputError
 from graspcast.simulation.campaign.campaign import run_campaign
 from graspcast.simulation.campaign.executors import LocalExecutor, RayExecutor, usable_cores
-from graspcast.simulation.campaign.jobs import load_setups
+from graspcast.simulation.campaign.jobs import Batch, load_setups
 from graspcast.simulation.grasps.table import read_grasps
 
 
@@ -77,3 +78,13 @@ def test_workers_must_be_some() -> None:
     with pytest.raises(InputError, match="workers is 0"):
         LocalExecutor(0)
     assert LocalExecutor().workers == usable_cores() >= 1
+
+
+def test_an_error_in_a_worker_is_raised_here() -> None:
+    requests = make_requests(1)
+    setups = load_setups(requests, read_grasps())
+    pair = ("ycbv-4", "parallel")
+    poses = np.eye(4)[None]
+    batches = [Batch(("nobody", "parallel"), np.arange(1), poses)]
+    with pytest.raises(KeyError, match="nobody"):
+        list(LocalExecutor(2).run({pair: setups[pair]}, batches))
