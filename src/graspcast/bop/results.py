@@ -265,7 +265,7 @@ def _columns_of(frame: Any, source: str) -> dict[str, list[Any]]:
             "columns are scene_id, im_id, obj_id, score, either R and t (mm) or cam_T_obj (m), "
             "and time if it is known",
         )
-    cells = {name: _cells(frame[name]) for name in [*needed, *({"time"} & {*names})]}
+    cells = {name: _cells(frame[name], source, name) for name in [*needed, *({"time"} & {*names})]}
     cells.setdefault("time", [-1.0] * len(cells["score"]))
     if len({len(column) for column in cells.values()}) > 1:
         lengths = ", ".join(f"{name} {len(column)}" for name, column in cells.items())
@@ -283,7 +283,10 @@ def _columns_of(frame: Any, source: str) -> dict[str, list[Any]]:
     return {name: cells[name] for name in COLUMNS}
 
 
-def _cells(column: Any) -> list[Any]:
+def _cells(column: Any, source: str, name: str) -> list[Any]:
     to_list: Callable[[], list[Any]] | None
     to_list = getattr(column, "to_list", None) or getattr(column, "tolist", None)
-    return to_list() if to_list else list(column)
+    try:
+        return to_list() if to_list else list(column)
+    except TypeError as error:
+        raise FormatError(source, f"the column {name} is no list or array") from error

@@ -74,7 +74,7 @@ def _problem(fields: Sequence[Any]) -> str | None:
         parse, expected = _PARSERS[name]
         try:
             parse(cell)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             return f"{name} is {cell!r}, but should be {expected}"
     return None
 
@@ -151,7 +151,11 @@ def parse_rows(
             numbers = list(map(_PARSERS[name][0], column))
             kind = np.int64 if name in COLUMNS[:3] else np.float64
             out.columns[name] = np.array(numbers, dtype=kind).reshape(shapes.get(name, (-1,)))
-    except (TypeError, ValueError):  # whole columns are fast; rows are checked one by one only here
+    except (
+        TypeError,
+        ValueError,
+        OverflowError,
+    ):  # whole columns are fast; rows are checked one by one only here
         for i, row in enumerate(rows):
             if problem := _problem(row):
                 out.reject(i, problem)

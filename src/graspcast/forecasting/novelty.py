@@ -75,7 +75,14 @@ class Novelty:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Novelty:
         """Restore what :meth:`to_arrays` returned."""
-        return cls(*(arrays[f.name] for f in fields(cls)))
+        found = cls(*(arrays[f.name] for f in fields(cls)))
+        size = found.centre.size
+        shapes = (found.centre.shape, found.precision.shape, found.scores.shape)
+        if shapes != ((size,), (size, size), (found.scores.size,)):
+            raise ValueError(f"the novelty detector has arrays of shapes {shapes}")
+        if any(a.dtype != np.float64 or not np.isfinite(a).all() for a in arrays.values()):
+            raise ValueError("the novelty detector has arrays of other than finite numbers")
+        return found
 
 
 def disagreement(
