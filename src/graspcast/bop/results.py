@@ -274,7 +274,7 @@ def _columns_of(frame: Any, source: str) -> dict[str, list[Any]]:
         try:
             matrices = np.array([np.stack(cell) for cell in cells.pop("cam_T_obj")], np.float64)
             matrices = matrices.reshape(-1, 4, 4)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise FormatError(source, "cam_T_obj should be 4x4 matrices of numbers") from error
         if not (matrices[:, 3] == [0, 0, 0, 1]).all():
             raise FormatError(source, "the last row of every cam_T_obj should be 0, 0, 0, 1")
