@@ -82,6 +82,12 @@ def read_model(
         typical = arrays["typical"]
         if typical.ndim != 1 or typical.dtype != np.float64 or not np.isfinite(typical).all():
             raise ValueError("the typical features are not a list of finite numbers")
+        if novelty.centre.size != 6 * len(card.supporters):
+            raise ValueError(f"{novelty.centre.size} entries for {len(card.supporters)} supporters")
+        count = len(card.objects)
+        tried = predictor.probability(np.tile(typical, (count, 1)), np.arange(count))
+        if tried.shape != (count,) or not ((tried >= 0) & (tried <= 1)).all():
+            raise ValueError("it forecasts other than probabilities")
     except FormatError:
         raise
     except Exception as error:  # those of the parts' checks, of JSON and of NumPy have no base

@@ -197,13 +197,16 @@ class Novelty:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Novelty:
         """Restore what :meth:`to_arrays` returned."""
-        out = cls(*(arrays[f.name] for f in fields(cls)))
-        d = len(out.centre)
-        if out.precision.shape != (d, d) or out.limits.shape != (d // 6, 4) or d % 6:
-            raise ValueError("the arrays of the novelty detector have different lengths")
-        if not (out.limits >= 0).all():
+        found = cls(*(arrays[f.name] for f in fields(cls)))
+        d = found.centre.size
+        shapes = [getattr(found, f.name).shape for f in fields(cls)]
+        if d % 6 or shapes != [(d,), (d, d), (found.scores.size,), (d // 6, 4)]:
+            raise ValueError(f"the novelty detector has arrays of shapes {shapes}")
+        if any(a.dtype != np.float64 or not np.isfinite(a).all() for a in arrays.values()):
+            raise ValueError("the novelty detector has arrays of other than finite numbers")
+        if (found.limits < 0).any():
             raise ValueError("a limit of the novelty detector is not a length or an angle")
-        return out
+        return found
 
 
 def disagreement(

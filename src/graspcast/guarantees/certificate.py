@@ -230,7 +230,7 @@ class Certificate:
                 sequence=ThresholdSequence.from_dict(given["sequence"]),
                 provenance=dict(given["provenance"]),
             )
-        except (KeyError, TypeError, ValueError, GraspcastError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError, GraspcastError) as error:
             raise FormatError(
                 path, f"is not a complete certificate ({error}); certify again"
             ) from error

@@ -242,6 +242,8 @@ class DriftMonitor:
             counts = ("trials", "successes", "observations", "restarts", "unit_trials")
             if any(type(given[name]) is not int or given[name] < 0 for name in counts):
                 raise ValueError(f"{', '.join(counts)} should be whole numbers")
+            if not 0 <= given["unit_successes"] <= given["unit_trials"]:
+                raise ValueError("unit_successes should be from 0 to unit_trials")
             if len(given["log_wealth"]) != _ALTERNATIVES or any(
                 map(math.isnan, given["log_wealth"])
             ):

@@ -21,7 +21,7 @@ from graspcast.io.files import atomic_write
 from graspcast.io.hashing import sha256
 from graspcast.io.reading import read_bytes
 
-__all__ = ["MAX_UNPACKED_BYTES", "read_arrays", "write_arrays"]
+__all__ = ["MAX_UNPACKED_BYTES", "arrays_digest", "read_arrays", "write_arrays"]
 
 MAX_UNPACKED_BYTES = 2**29
 """Most bytes that all arrays of a file may have together, unpacked."""
@@ -52,7 +52,7 @@ def write_arrays(
         If the file cannot be written.
     """
     buffer = io.BytesIO()
-    named: dict[str, Any] = {**arrays, _DIGEST: np.array(_digest(arrays))}
+    named: dict[str, Any] = {**arrays, _DIGEST: np.array(arrays_digest(arrays))}
     (np.savez_compressed if compress else np.savez)(buffer, allow_pickle=False, **named)
     # Through memory, so that a full disk raises an OSError, which atomic_write handles.
     with atomic_write(path) as temporary:
@@ -101,7 +101,7 @@ def read_arrays(
             "has no digest: it is damaged, was written by a former version, or is something else; "
             + remedy,
         )
-    if stated.dtype.kind != "U" or stated.tobytes() != np.array(_digest(arrays)).tobytes():
+    if stated.dtype.kind != "U" or stated.tobytes() != np.array(arrays_digest(arrays)).tobytes():
         raise FormatError(path, f"is damaged: its arrays do not match its digest; {remedy}")
     return arrays
 
@@ -149,8 +149,8 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> ndarray:
     return array.reshape(shape, order="F" if fortran else "C")
 
 
-def _digest(arrays: Mapping[str, ndarray]) -> str:
-    """Return the digest of names, types, shapes and numbers, whatever the arrays' order."""
+def arrays_digest(arrays: Mapping[str, ndarray]) -> str:
+    """Compute the digest of names, types, shapes and numbers, whatever the arrays' order."""
     parts: list[str | ndarray] = []
     for name in sorted(arrays):
         array = np.asarray(arrays[name])

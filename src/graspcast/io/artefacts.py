@@ -11,7 +11,7 @@ from graspcast.errors import FormatError
 from graspcast.io.hashing import canonical_json, sha256
 from graspcast.io.json import read_json, write_json
 
-__all__ = ["read_artefact", "write_artefact"]
+__all__ = ["artefact_digest", "read_artefact", "write_artefact"]
 
 _DIGEST = "sha256"
 
@@ -35,7 +35,7 @@ def write_artefact(
     InputError
         If a number is NaN or infinite, or the file cannot be written.
     """
-    write_json(path, {**content, _DIGEST: _digest(content)}, indent=indent)
+    write_json(path, {**content, _DIGEST: artefact_digest(content)}, indent=indent)
 
 
 def read_artefact(
@@ -68,7 +68,7 @@ def read_artefact(
             + remedy,
             parameters=parameters,
         )
-    if stated != _digest(content):
+    if stated != artefact_digest(content):
         raise FormatError(
             path,
             f"is damaged or was edited: its content does not match its digest; {remedy}",
@@ -77,6 +77,7 @@ def read_artefact(
     return content
 
 
-def _digest(content: Mapping[str, Any]) -> str:
-    # As it is read: keys are text, tuples are lists.
+def artefact_digest(content: Mapping[str, Any]) -> str:
+    """Compute the digest of an object without a digest: of its values as JSON gives them back."""
+    # Keys become text, and tuples lists.
     return sha256(canonical_json(json.loads(json.dumps(content))))

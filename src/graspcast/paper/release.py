@@ -119,7 +119,8 @@ def _read_poses(index: Path, name: str, dataset: str, obj_id: int, out: _Dataset
             continue
         scene, image, visible = _parse(index, number, [*fields[:2], fields[4]], int, int, float)
         key = (int(scene), int(image), obj_id)
-        bbox = [float(v) for v in fields[8].split(",")]
+        box = fields[8].split(",")
+        bbox = [float(v) for v in _parse(index, number, box, *[float] * len(box))]
         instance = out.truth.setdefault(key, _Instance(None, float(visible), bbox))
         if fields[3] != "TP":
             continue

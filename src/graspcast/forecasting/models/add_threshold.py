@@ -122,4 +122,7 @@ class Thresholds:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Thresholds:
         """Restore what :meth:`to_arrays` returned."""
-        return cls(*(arrays[name] for name in ("threshold", "rate_below", "rate_above")))
+        found = [arrays[name] for name in ("threshold", "rate_below", "rate_above")]
+        if any(a.dtype != np.float64 or a.shape != (found[0].size,) for a in found):
+            raise ValueError("thresholds and rates are not lists of numbers of one length")
+        return cls(*found)
