@@ -42,13 +42,11 @@ def test_any_flipped_bit_or_missing_byte_of_ours_is_found(
     place: int, value: int, cut: bool, tmp_path: Path
 ) -> None:
     content = bytearray(parquet_bytes(FRAME))
-    # A damaged key would make it a file without a digest, which a child parses: tested below.
-    key = content.rfind(b"graspcast:sha256")
-    place %= len(content) - 85
-    place += 85 * (place >= key - 5)
+    place %= len(content)
     content[place] ^= value
     path = tmp_path / "a.parquet"
-    path.write_bytes(content[:place] if cut and place > key + 85 else content)
+    # Cut off before the footer it is no file of ours any more, and no Parquet.
+    path.write_bytes(content[:place] if cut and place > len(content) - 8 else content)
     with pytest.raises(FormatError, match="is damaged"):
         read_parquet(path)
 

@@ -26,6 +26,8 @@ __all__ = ["parquet_bytes", "read_csv", "read_parquet", "write_table"]
 
 _DIGEST_KEY = "graspcast:sha256"
 _UNSET = "0" * 64
+_MARK = "graspcast:carries-digest"
+"""A second mark, so that a file whose digest's key is damaged does not pass as another program's."""
 # In a Parquet footer a key and its value are strings of the Thrift compact protocol; between them
 # stand a field header and the value's length.
 _DIGEST = re.compile(_DIGEST_KEY.encode() + rb".{1,4}?([0-9a-f]{64})", re.DOTALL)
@@ -61,7 +63,7 @@ def write_table(path: str | PathLike[str], frame: pl.DataFrame) -> None:
 def parquet_bytes(frame: pl.DataFrame) -> bytes:
     """Return a table as the bytes of a Parquet file that carries its own SHA-256 digest."""
     buffer = io.BytesIO()
-    frame.write_parquet(buffer, metadata={_DIGEST_KEY: _UNSET})
+    frame.write_parquet(buffer, metadata={_DIGEST_KEY: _UNSET, _MARK: "true"})
     content = buffer.getvalue()
     start = _digest_start(content)
     if start is None:  # pragma: no cover - a polars that stores metadata in another way
@@ -86,6 +88,8 @@ def read_parquet(path: str | PathLike[str]) -> pl.DataFrame:
     path = Path(path)
     content = read_bytes(path)
     start = _digest_start(content)
+    if start is None and (_DIGEST_KEY.encode() in content or _MARK.encode() in content):
+        raise FormatError(path, "is damaged: the digest that graspcast wrote is not whole")
     if start is None:
         _parse_in_child(path, content)
     else:
