@@ -96,7 +96,7 @@ def test_truncated_models(world: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert main(train(world, "--folds", "0")) == 0
     path = world / "m.npz"
     path.write_bytes(path.read_bytes()[:-40])
-    assert "m.npz: is not a complete model file" in refused(predict(world), capsys)
+    assert "m.npz: is not a complete npz file" in refused(predict(world), capsys)
     path.unlink()
     assert "No such file" in refused(predict(world), capsys)
 

@@ -121,7 +121,7 @@ WRONG = {
     "scaled by 2": lambda p: p @ np.diag([2.0, 2, 2, 1]),
     "last row 0 0 0 2": lambda p: np.concatenate([p[:, :3], p[:, 3:] * 2], axis=1),
     "not finite": lambda p: np.where(np.eye(4) == 1, np.nan, p),
-    "given as metres": lambda p: p * np.where(np.arange(4) == 3, [[1e3]] * 3 + [[1]], 1),
+    "not in metres": lambda p: p * np.where(np.arange(4) == 3, [[1e3]] * 3 + [[1]], 1),
 }
 
 
@@ -163,7 +163,7 @@ def test_distances_are_held_against_the_objects_size(tmp_path: Path) -> None:
     poses = random_poses(6)
     far = nudged(poses, 1)
     far[:, :3, 3] *= 100
-    with pytest.raises(MismatchError, match="in centimetres, given as metres"):
+    with pytest.raises(MismatchError, match="is it in centimetres"):
         tables = {"a": results_of(poses), "b": results_of(far)}
         align(tables, dataset="d", models=models)
 

@@ -88,7 +88,7 @@ def test_what_is_missing_is_named_and_nothing_is_guessed(
 def test_models_that_cannot_stand_in_for_one_another(forecasters: dict[str, Forecaster]) -> None:
     with pytest.raises(InputError, match="at least one model is needed"):
         Fallbacks([])
-    with pytest.raises(InputError, match=r"two models are for the supporters c, b"):
+    with pytest.raises(InputError, match=r"two models are for the supporters b, c"):
         Fallbacks([forecasters["abc"], forecaster_of("a", "c", "b")])
     other = forecaster_of("a", "b", gripper="hand")
     with pytest.raises(MismatchError, match="for a and the hand gripper cannot stand in for one"):

@@ -128,7 +128,7 @@ def test_models_are_optional_but_then_distances_are_only_checked_roughly(tmp_pat
     assert estimate_problems(far, None) == ["", ""]
     # What no gripper reaches is refused even so.
     far.cam_T_obj[:, :, :3, 3] *= 10
-    assert "metres, given as metres?" in estimate_problems(far, None)[0]
+    assert "not in metres?" in estimate_problems(far, None)[0]
 
 
 def test_nothing_is_learned_from_poses_of_another_unit(models: dict[str, Models]) -> None:

@@ -26,5 +26,5 @@ def test_another_encoding(tmp_path: Path) -> None:
     path.write_bytes("é".encode("latin-1"))
     with pytest.raises(FormatError, match="is not UTF-8 text"):
         read_json(path, list)
-    with pytest.raises(FormatError, match="is not UTF-8 text, as a CSV file is"):
+    with pytest.raises(FormatError, match="is not UTF-8 text"):
         read_results(path)

@@ -38,8 +38,11 @@ def is_running(pid: int) -> bool:
         os.kill(pid, 0)
     except ProcessLookupError:
         return False
-    stat = Path(f"/proc/{pid}/stat")
-    return not (stat.exists() and stat.read_text().rpartition(")")[2].split()[0] == "Z")
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:  # it has ended since, or the system has no /proc
+        return not Path("/proc/self").exists()
+    return state != "Z"
 
 
 def ends(pid: int, within_s: float = 15.0) -> bool:

@@ -303,10 +303,12 @@ def align(
     if not kept and required:
         empty = [table for table in tables if not len(table)]
         sizes = ", ".join(f"{name}: {len(table)} rows" for name, table in results.items())
-        why = "; ".join(left_out) or "are these files of the same dataset and split?"
+        why = "; ".join(left_out)
+        if not why and empty:
+            why = f"{empty[0].source} holds no estimate"
         raise MismatchError(
             f"no instance of {dataset} has a pose by every estimator ({sizes}); "
-            + (f"{empty[0].source} holds no estimate" if empty else why),
+            + (why or "are these files of the same dataset and split?"),
             parameters=("estimates",),
         )
     picked = np.array([rows for _, rows in kept], dtype=np.int64).reshape(-1, len(names)).T

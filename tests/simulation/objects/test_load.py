@@ -151,7 +151,10 @@ def _bop_entry(tmp_path: Path, scale: float, diameter: float) -> Path:
     models.mkdir(parents=True)
     body = trimesh.creation.cylinder(radius=35, height=90)
     body.apply_scale(scale).export(models / "obj_000001.ply")
-    sides = {f"{kind}_{axis}": 1.0 for kind in ("min", "size") for axis in "xyz"}
+    sides = {}
+    for axis, mm in zip("xyz", (70.0, 70.0, 90.0), strict=True):
+        length = mm * diameter / 114.0
+        sides |= {f"min_{axis}": -length / 2, f"size_{axis}": length}
     (models / "models_info.json").write_text(json.dumps({"1": {"diameter": diameter, **sides}}))
     (tmp_path / "kit.toml").write_text(
         MUG.replace("mug]", "kit-1]").replace('mesh = "mug.stl"', 'dataset = "kit"\nobj_id = 1')
