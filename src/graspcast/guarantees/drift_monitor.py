@@ -242,14 +242,14 @@ class DriftMonitor:
             counts = ("trials", "successes", "observations", "restarts", "unit_trials")
             if any(type(given[name]) is not int or given[name] < 0 for name in counts):
                 raise ValueError(f"{', '.join(counts)} should be whole numbers")
-            if not 0 <= given["unit_successes"] <= given["unit_trials"]:
-                raise ValueError("unit_successes should be from 0 to unit_trials")
+            _check_unit(given)
+            given["log_max_e_value"] = float(given["log_max_e_value"])
             if len(given["log_wealth"]) != _ALTERNATIVES or any(
                 map(math.isnan, given["log_wealth"])
             ):
                 raise ValueError(f"log_wealth should have {_ALTERNATIVES} entries")
             return cls(**given)
-        except (TypeError, ValueError, InputError) as error:
+        except (TypeError, ValueError, OverflowError, InputError) as error:
             raise FormatError(path, f"is not a complete monitor state ({error})") from error
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -272,3 +272,15 @@ def _log_sum(logs: tuple[float, ...]) -> float:
     """Return the logarithm of the sum of exponentials."""
     top = max(logs)
     return top if top == -math.inf else top + math.log(sum(math.exp(x - top) for x in logs))
+
+
+def _check_unit(given: Mapping[str, Any]) -> None:
+    """Raise ValueError unless the entries on the open unit agree."""
+    most = given["max_attempts_per_unit"]
+    if not isinstance(given["unit"], str | None) or not isinstance(most, int | None):
+        raise ValueError("unit should be text or null, max_attempts_per_unit a number or null")
+    trials = given["unit_trials"]
+    if (trials > 0) != (given["unit"] is not None) or (most is not None and trials > most):
+        raise ValueError(f"unit {given['unit']!r} cannot have {trials} unit_trials")
+    if type(given["unit_successes"]) is not int or not 0 <= given["unit_successes"] <= trials:
+        raise ValueError("unit_successes should be from 0 to unit_trials")
