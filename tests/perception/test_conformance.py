@@ -186,7 +186,7 @@ class Nameless:
         (changed(opengl), "rigid", "behind the camera"),
         (changed(opengl), "rigid", "OpenGL's camera frame"),
         (changed(scaled(1000.0)), "rigid", "is it in millimetres"),
-        (changed(scaled(100.0)), "rigid", "is it in centimetres"),
+        (changed(scaled(100.0)), "rigid", "is it in millimetres"),
         (changed(scaled(0.001)), "rigid", "is it in metres"),
         (changed(inverted), "position|rigid", "obj_T_cam"),
         (changed(upside_down), "position", "PyTorch3D's camera frame"),

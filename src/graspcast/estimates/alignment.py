@@ -23,6 +23,7 @@ from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.checks import (
     IncompleteInstance,
     check_shapes,
+    none_in_common,
     refuse_conventions,
     refuse_copies,
     sane_rows,
@@ -301,16 +302,7 @@ def align(
                 alone.append(all(len(mine) == 1 for mine in rows))
                 tied.append(scores.count(scores[est_id]) > 1)
     if not kept and required:
-        empty = [table for table in tables if not len(table)]
-        sizes = ", ".join(f"{name}: {len(table)} rows" for name, table in results.items())
-        why = "; ".join(left_out)
-        if not why and empty:
-            why = f"{empty[0].source} holds no estimate"
-        raise MismatchError(
-            f"no instance of {dataset} has a pose by every estimator ({sizes}); "
-            + (why or "are these files of the same dataset and split?"),
-            parameters=("estimates",),
-        )
+        raise none_in_common(dataset, results, tables, left_out)
     picked = np.array([rows for _, rows in kept], dtype=np.int64).reshape(-1, len(names)).T
     out = Estimates(
         estimators=names,

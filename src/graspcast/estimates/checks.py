@@ -29,6 +29,7 @@ __all__ = [
     "copied",
     "diameters",
     "no_estimate_by",
+    "none_in_common",
     "problems_by_key",
     "refuse_conventions",
     "refuse_copies",
@@ -252,3 +253,19 @@ def refuse_conventions(
         symmetries = [of[n] for n in obj_id.tolist()]
     if said := find_odd_one(names, cam_T_obj, symmetries):
         raise MismatchError(said, parameters=("estimates",))
+
+
+def none_in_common(
+    dataset: str,
+    results: Mapping[str, Results],
+    tables: Sequence[Results],
+    left_out: Sequence[str],
+) -> MismatchError:
+    """Return the error that no instance has a pose by every estimator, with the reason."""
+    sizes = ", ".join(f"{name}: {len(table)} rows" for name, table in results.items())
+    empty = [f"{table.source} holds no estimate" for table in tables if not len(table)]
+    why = "; ".join(left_out) or next(iter(empty), "are these files of the same dataset and split?")
+    return MismatchError(
+        f"no instance of {dataset} has a pose by every estimator ({sizes}); {why}",
+        parameters=("estimates",),
+    )

@@ -170,7 +170,7 @@ def test_a_bop_model_fits_its_diameter(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("scale", "diameter", "message"),
     [
-        (1.0, 0.114, r"its diameter in models_info.json is 0\.114 mm, but its mesh is 90 mm"),
+        (1.0, 0.114, r"the median diameter is 0\.114 mm, but a hand grasps"),
         (1e-3, 0.114, "models of a BOP dataset are in millimetres; rescale it"),
     ],
 )
