@@ -27,7 +27,7 @@ __all__ = ["parquet_bytes", "read_csv", "read_parquet", "write_table"]
 _DIGEST_KEY = "graspcast:sha256"
 _UNSET = "0" * 64
 _MARK = "graspcast:carries-digest"
-"""A second mark, so that a file whose digest's key is damaged does not pass as another program's."""
+"""A second mark: a file whose digest has a damaged key does not pass as another program's."""
 # In a Parquet footer a key and its value are strings of the Thrift compact protocol; between them
 # stand a field header and the value's length.
 _DIGEST = re.compile(_DIGEST_KEY.encode() + rb".{1,4}?([0-9a-f]{64})", re.DOTALL)
