@@ -93,7 +93,7 @@ def train_forecaster(
         progress=progress,
     )
     for text in forecaster.card.warnings:
-        warnings.warn(text, TrainingDataWarning, stacklevel=2)
+        warnings.warn(text, TrainingDataWarning, stacklevel=3)  # beyond the wrapper of checked
     return forecaster
 
 
