@@ -169,7 +169,7 @@ def _change_array(arrays: dict[str, Any], name: str, random: Random) -> None:
         try:
             with np.errstate(all="ignore"):
                 arrays[name] = array.astype(random.choice(_TYPES))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, RuntimeError):
             arrays[name] = np.zeros(array.shape, random.choice(_TYPES))
     elif kind == 6:
         arrays[name] = np.concatenate([array, array]) if array.ndim else array

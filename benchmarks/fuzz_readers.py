@@ -73,7 +73,7 @@ class Reader:
         """Return a changed seed: by its structure, as bytes, or both."""
         try:
             content = random.choice(self.mutations)(seed, random)
-        except (ValueError, TypeError, OverflowError, pl.exceptions.PolarsError):
+        except (ValueError, TypeError, ArithmeticError, RuntimeError, pl.exceptions.PolarsError):
             content = mutations.of_bytes(seed, random)  # it makes no such change here
         return mutations.of_bytes(content, random) if random.random() < 0.1 else content
 
