@@ -67,7 +67,6 @@ def _errors(options: argparse.Namespace) -> None:
 
     from graspcast.estimates.error_statistics import MEASURED
     from graspcast.estimates.error_tables import MEASURES, measure, summarise
-    from graspcast.estimates.matching import truth_convention
     from graspcast.io.tables import write_table
 
     inputs = inputs_of(options)
@@ -86,8 +85,6 @@ def _errors(options: argparse.Namespace) -> None:
             errors = measure(results, inputs.datasets[dataset], only=only, progress=step)
             if without := len(results) - len(errors):
                 inputs.notes.append(f"{results.source}: {without} estimates have no ground truth")
-            if said := truth_convention(results, inputs.datasets[dataset], estimator):
-                inputs.notes.append(said)
             figures[dataset, estimator] = summarise(errors)
             names = (pl.lit(estimator).alias("estimator"), pl.lit(dataset).alias("dataset"))
             parts.append(errors.select(*names, pl.all()))

@@ -15,21 +15,17 @@ from graspcast.bop.models import Models
 from graspcast.bop.results import Results
 from graspcast.bop.unit_checks import ratio_problem
 from graspcast.errors import MismatchError
+from graspcast.pose.conventions import find_convention
 from graspcast.pose.lengths import between
 from graspcast.pose.sanity import is_placeholder
 
 __all__ = ["check_pairs", "check_tables", "describe_lengths"]
 
-_TRANSPOSED = (60.0, 20.0)
-"""Median angles between rotations as they are, from, and with one transposed, up to; degrees."""
-
-_FEWEST_ROTATIONS = 3
-
 
 def check_pairs(
     mine: str, poses: Float[ndarray, "n 4 4"], other: str, others: Float[ndarray, "n 4 4"]
 ) -> None:
-    """Raise if two sources differ in the poses of the same instances by unit or transposition.
+    """Raise if two sources differ in the poses of the same instances by unit or convention.
 
     Parameters
     ----------
@@ -41,23 +37,24 @@ def check_pairs(
     Raises
     ------
     MismatchError
-        Naming both median distances and the unit that would fit, or both median angles.
+        Naming both median distances and the unit that would fit, or the convention
+        (:mod:`graspcast.pose.conventions`).
     """
     both = ~(is_placeholder(poses) | is_placeholder(others))
     poses, others = poses[both], others[both]
-    if problem := ratio_problem(mine, _distance(poses), other, _distance(others)):
-        raise MismatchError(problem, parameters=("estimates", "ground_truth"))
-    if len(poses) < _FEWEST_ROTATIONS:
-        return
-    R, S = poses[:, :3, :3], others[:, :3, :3]
-    as_is, transposed = _median_angle(R, S), _median_angle(np.swapaxes(R, 1, 2), S)
-    if as_is >= _TRANSPOSED[0] and transposed <= _TRANSPOSED[1]:
+    _check_distances(mine, poses, other, others)
+    if found := find_convention(poses, others):
         raise MismatchError(
-            f"the median angle between the rotations in {mine} and in {other} is {as_is:.3g}°, but "
-            f"{transposed:.3g}° if those of one are transposed; BOP's matrices are written row by "
-            "row, and map the object's points to the camera",
+            found.text(f"poses in {mine}", f"those in {other}"),
             parameters=("estimates", "ground_truth"),
         )
+
+
+def _check_distances(
+    mine: str, poses: Float[ndarray, "n 4 4"], other: str, others: Float[ndarray, "n 4 4"]
+) -> None:
+    if problem := ratio_problem(mine, _distance(poses), other, _distance(others)):
+        raise MismatchError(problem, parameters=("estimates", "ground_truth"))
 
 
 def check_tables(tables: Mapping[str, Results], models: Models | None) -> None:
@@ -76,7 +73,8 @@ def check_tables(tables: Mapping[str, Results], models: Models | None) -> None:
         As :meth:`graspcast.bop.models.Models.check_distances`, or if ``models_info.json``
         contradicts a mesh.
     MismatchError
-        As :func:`check_pairs`.
+        If distances of the same instances by two estimators are in different units. Conventions
+        are compared when the estimators are aligned.
     """
     if models is not None:
         models.check_a_mesh()
@@ -85,7 +83,7 @@ def check_tables(tables: Mapping[str, Results], models: Models | None) -> None:
     single = {name: _single(table) for name, table in tables.items()}
     for mine, other in combinations(tables, 2):
         pairs = single[mine].join(single[other], on=["scene_id", "im_id", "obj_id"])
-        check_pairs(
+        _check_distances(
             tables[mine].source,
             tables[mine].cam_T_obj[pairs["row"].to_numpy()],
             tables[other].source,
@@ -137,8 +135,3 @@ def _distance(poses: Float[ndarray, "n 4 4"]) -> Float[ndarray, " n"]:
 def _spread(poses: Float[ndarray, "n 4 4"]) -> str:
     low, high = np.percentile(_distance(poses), [5, 95]).tolist()
     return between(low, high)
-
-
-def _median_angle(R: Float[ndarray, "n 3 3"], S: Float[ndarray, "n 3 3"]) -> float:
-    cosine = (np.einsum("nij,nij->n", R, S) - 1) / 2
-    return float(np.median(np.degrees(np.arccos(np.clip(cosine, -1, 1)))))

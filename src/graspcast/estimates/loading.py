@@ -18,8 +18,10 @@ from graspcast.bop.file_names import belongs_to
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results, read_results
 from graspcast.errors import (
+    FormatError,
     GraspcastError,
     InputError,
+    MismatchError,
     UnknownNameError,
 )
 from graspcast.estimates.alignment import Estimates, align, concatenate
@@ -99,6 +101,11 @@ class Inputs:
             if np.isfinite(truth).any():
                 return truth
         except GraspcastError as error:
+            # Ground truth that is there, and wrong, is another matter than none.
+            if isinstance(error, FormatError) and Path(error.path).exists():
+                raise
+            if isinstance(error, MismatchError) and "estimates" in error.parameters:
+                raise
             problem = str(error)
         raise InputError(
             f"the methods blend and two-stage need ground truth: {problem}; give the datasets' "

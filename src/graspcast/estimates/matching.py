@@ -15,10 +15,9 @@ from graspcast.errors import MismatchError
 from graspcast.estimates.alignment import Estimates, assign
 from graspcast.estimates.consistency import check_pairs
 from graspcast.io.arguments import NAME, a, checked, mapping
-from graspcast.pose.conventions import find_convention
 from graspcast.pose.metrics import nearest_symmetric
 
-__all__ = ["match", "nearest_truth", "true_poses", "truth_convention"]
+__all__ = ["match", "nearest_truth", "true_poses"]
 
 
 def match(results: Results, truth: GroundTruth) -> Int[ndarray, " n"]:
@@ -30,8 +29,8 @@ def match(results: Results, truth: GroundTruth) -> Int[ndarray, " n"]:
     Raises
     ------
     MismatchError
-        If not one estimate's image is known to the ground truth, or if distances or rotations
-        contradict it as those in another unit, or transposed, do.
+        If not one estimate's image is known to the ground truth, or if they agree with it only in
+        another unit or convention.
     """
     out = _matched(
         (results.scene_id, results.im_id, results.obj_id), results.cam_T_obj[:, :3, 3], truth
@@ -46,36 +45,9 @@ def match(results: Results, truth: GroundTruth) -> Int[ndarray, " n"]:
 
 
 def _check(source: str, poses: Float[ndarray, "n 4 4"], truth: GroundTruth, row: ndarray) -> None:
-    """Raise if matched estimates contradict the ground truth by unit or transposition."""
+    """Raise if matched estimates contradict the ground truth by unit or convention."""
     found = row >= 0
     check_pairs(source, poses[found], truth.source, truth.cam_T_obj[row[found]])
-
-
-def truth_convention(results: Results, dataset: BopDataset, estimator: str) -> str:
-    """Say if estimates agree with ground truth only in another convention, or nothing.
-
-    Parameters
-    ----------
-    results
-        Estimates.
-    dataset
-        Ground truth, and models, whose symmetries are no error.
-    estimator
-        Whose estimates they are.
-
-    Raises
-    ------
-    MismatchError
-        If no estimate has a ground truth.
-    """
-    truth, info = dataset.ground_truth, dataset.models.info
-    matched = match(results, truth)
-    rows = np.flatnonzero(matched >= 0)
-    alone = np.eye(4)[None]
-    numbers = results.obj_id[rows].tolist()
-    symmetries = [info[n].symmetries if n in info else alone for n in numbers]
-    found = find_convention(results.cam_T_obj[rows], truth.cam_T_obj[matched[rows]], symmetries)
-    return found.text(f"estimates by {estimator}", "ground truth") if found else ""
 
 
 def _matched(
