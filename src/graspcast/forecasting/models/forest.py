@@ -71,7 +71,7 @@ class Forest:
 
     def arrays(self) -> tuple[ndarray, ...]:
         """Return its arrays, in the order of the attributes."""
-        return tuple(getattr(self, f.name) for f in fields(self))
+        return self.feature, self.threshold, self.right, self.value, self.roots
 
     def to_arrays(self, prefix: str) -> dict[str, ndarray]:
         """Return its arrays by name."""
