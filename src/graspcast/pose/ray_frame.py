@@ -21,22 +21,25 @@ __all__ = ["compressed", "displaced", "error_along", "obj_R_ray", "ray_frame", "
 
 _SPREAD = np.array([0.003, 0.003, 0.008, 0.07, 0.07, 0.07])
 """Typical magnitudes of the numbers of :func:`relative`."""
+_X, _Y, _Z = np.eye(3)
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def ray_frame(cam_T_obj: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 3 3"]:
     """Compute ``cam_R_ray`` of each pose; the identity for an object at the camera's centre."""
     position = cam_T_obj[..., :3, 3]
     distance = norms(position)
-    z = np.where(distance > 0, position / np.where(distance > 0, distance, 1.0), [0.0, 0.0, 1.0])
+    there = distance > 0
+    z = np.where(there, position / np.where(there, distance, 1.0), _Z)
     # The camera's x axis made perpendicular to the ray; its y axis if x is parallel to the ray.
     along_x = np.abs(z[..., :1]) > 1 - 1e-9
-    side = np.where(along_x, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
-    x = side - z * np.sum(side * z, axis=-1, keepdims=True)
+    side = np.where(along_x, _Y, _X)
+    x = side - z * np.add.reduce(side * z, axis=-1, keepdims=True)
     x /= norms(x)
     out = np.empty((*z.shape, 3))
     out[..., 0], out[..., 2] = x, z
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # the cross product of z and x
-        out[..., i, 1] = z[..., j] * x[..., k] - z[..., k] * x[..., j]
+    # The cross product of z and x.
+    out[..., 1] = z.take(_NEXT, -1) * x.take(_LAST, -1) - z.take(_LAST, -1) * x.take(_NEXT, -1)
     return out
 
 

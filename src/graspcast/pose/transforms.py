@@ -34,6 +34,13 @@ _DIAGONAL_SIGNS = np.array(
     [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]
 )
 """Of a rotation's diagonal in four times the squares of its quaternion's components."""
+_FIRST = np.array([[0, 7, 2, 3], [7, 0, 3, 2], [2, 3, 0, 7], [3, 2, 7, 0]])
+_SECOND = np.array([[0, 5, 6, 1], [5, 0, 1, 6], [6, 1, 0, 5], [1, 6, 5, 0]])
+_SIGN = np.array(
+    [[1.0, -1.0, -1.0, -1.0], [-1.0, 1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, 1.0]]
+)
+"""The products of two different components, times four: one entry of a rotation, row by row, plus
+or minus another."""
 
 
 def norms(vectors: Float[ndarray, "*batch d"]) -> Float[ndarray, "*batch 1"]:
@@ -93,15 +100,12 @@ def quaternion(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch
     ----------
     S. W. Shepperd, *Quaternion from rotation matrix*, Journal of Guidance and Control, 1978.
     """
-    r = rotation.reshape(-1, 3, 3)
-    transposed = np.swapaxes(r, 1, 2)
-    # Rows of 4 q q^T, one for each choice of the leading component.
-    outer = np.empty((len(r), 4, 4), r.dtype)
-    outer[:, 1:, 1:] = r + transposed
-    outer[:, 0, 1:] = outer[:, 1:, 0] = (r - transposed)[:, [2, 0, 1], [1, 2, 0]]
-    signed = _DIAGONAL_SIGNS * r[:, None, [0, 1, 2], [0, 1, 2]]
+    r = rotation.reshape(-1, 9)
+    # Rows of 4 q q^T, one for each choice of the leading component; its diagonal is 4 q^2.
+    outer = r.take(_FIRST, axis=1) + _SIGN * r.take(_SECOND, axis=1)
+    signed = _DIAGONAL_SIGNS * r[:, None, ::4]
     squares = 1 + signed[..., 0] + signed[..., 1] + signed[..., 2]
-    outer[:, [0, 1, 2, 3], [0, 1, 2, 3]] = squares
+    outer.reshape(-1, 16)[:, ::5] = squares
     q = outer[np.arange(len(r)), squares.argmax(axis=1)]
     q /= norms(q)
     return np.where(q[:, :1] < 0, -q, q).reshape(*rotation.shape[:-2], 4)

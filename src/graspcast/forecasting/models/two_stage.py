@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import no_type_check
 
 import numpy as np
@@ -132,6 +133,7 @@ class ErrorModel:
             raise ValueError("an error model holds numbers that are not finite")
 
 
+@lru_cache(maxsize=16)
 def _places(count: int) -> Float[ndarray, " count"]:
     """Return evenly spread numbers in [0, 1): multiples of the golden ratio (low discrepancy)."""
     return np.asarray((np.arange(1, count + 1) * 0.6180339887498949) % 1.0)
