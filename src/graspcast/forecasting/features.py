@@ -173,7 +173,7 @@ def _names(which: FeatureSet, supporters: tuple[str, ...]) -> tuple[str, ...]:
 def _side_by_side(parts: Float[ndarray, "k n c"]) -> Float[ndarray, "n kc"]:
     """Put the columns of k supporters or pairs into one row for each instance."""
     k, n, c = parts.shape
-    return np.swapaxes(parts, 0, 1).reshape(n, k * c)
+    return parts.swapaxes(0, 1).reshape(n, k * c)
 
 
 def _paper(poses: Float[ndarray, "k n 4 4"]) -> Float[ndarray, "n d"]:
@@ -233,7 +233,7 @@ def _rich(
 
 def _rays(
     principal: Float[ndarray, "n 4 4"], near: Float[ndarray, "k n 4 4"]
-) -> list[Float[ndarray, "n c"]]:
+) -> list[Float[ndarray, "n _"]]:
     """Compute the columns that ``full`` has beyond ``rich``, of one object.
 
     Parameters
@@ -247,7 +247,7 @@ def _rays(
     seen = relative(principal, compose(principal, near), frame)
     ordered = np.sort(np.concatenate([np.zeros_like(seen[:1]), seen]), axis=0)
     middle = (ordered[len(near) // 2] + ordered[(len(near) + 1) // 2]) / 2
-    axes = np.swapaxes(obj_R_ray(principal, frame), 1, 2)
+    axes = obj_R_ray(principal, frame).swapaxes(1, 2)
     return [_side_by_side(seen), middle, axes.reshape(-1, 9)]
 
 

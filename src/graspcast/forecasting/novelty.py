@@ -214,8 +214,8 @@ def disagreement(
     estimates: Estimates, principal: str, supporters: Sequence[str]
 ) -> Float[ndarray, "s n 6"]:
     """Return each supporter's pose in the principal's ray frame."""
-    others = np.stack([estimates.of(name) for name in supporters])
-    return relative(estimates.of(principal), others)
+    poses = estimates.only(principal, *supporters).cam_T_obj
+    return relative(poses[0], poses[1:])
 
 
 def _rows(by: Float[ndarray, "s n 6"]) -> Float[ndarray, "n d"]:
@@ -234,7 +234,7 @@ def _sizes(
     across, along = np.hypot(by[..., 0], by[..., 1]), np.abs(by[..., 2])
     apart = np.hypot(across, along) * distance / size
     sizes = np.stack([across, along, apart, norms(by[..., 3:])[..., 0]], axis=-1)
-    return np.swapaxes(sizes, 0, 1)
+    return sizes.swapaxes(0, 1)
 
 
 def _shape(rows: Float[ndarray, "n d"]) -> tuple[Float[ndarray, " d"], Float[ndarray, "d d"]]:

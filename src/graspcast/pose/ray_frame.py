@@ -48,7 +48,7 @@ def obj_R_ray(
 ) -> Float[ndarray, "*batch 3 3"]:
     """Compute the rotation from the ray frame (if it is known, ``cam_R_ray``) to the object's."""
     frame = ray_frame(cam_T_obj) if cam_R_ray is None else cam_R_ray
-    return np.swapaxes(cam_T_obj[..., :3, :3], -1, -2) @ frame
+    return cam_T_obj[..., :3, :3].swapaxes(-1, -2) @ frame
 
 
 def relative(
@@ -74,8 +74,8 @@ def relative(
     position = cam_T_obj[..., :3, 3]
     distance = norms(position)
     shift = np.einsum("...ji,...j->...i", frame, other[..., :3, 3] - position)
-    turn = other[..., :3, :3] @ np.swapaxes(cam_T_obj[..., :3, :3], -1, -2)
-    turn = np.swapaxes(frame, -1, -2) @ turn @ frame
+    turn = other[..., :3, :3] @ cam_T_obj[..., :3, :3].swapaxes(-1, -2)
+    turn = frame.swapaxes(-1, -2) @ turn @ frame
     return np.concatenate(
         [shift / np.where(distance > 0, distance, 1.0), rotation_vector(turn)], axis=-1
     )

@@ -90,7 +90,7 @@ def _sane(
     with np.errstate(all="ignore"):
         # Stricter than the distance to the nearest rotation, which takes a decomposition. Numbers
         # that are not finite make either this or the distance infinite or NaN, which fits nowhere.
-        deviation = norms((np.swapaxes(R, 1, 2) @ R - _UNIT).reshape(-1, 9))[:, 0]
+        deviation = norms((R.swapaxes(1, 2) @ R - _UNIT).reshape(-1, 9))[:, 0]
         distance = norms(t)[:, 0]
         placed = (distance >= nearest) & (distance <= farthest) & (t[:, 2] > 0)
         # Of a matrix so near to a rotation or a reflection the determinant is about 1 or -1.
