@@ -137,7 +137,9 @@ def _wrapped(function: Callable[..., Any], kinds: Mapping[str, Kind]) -> Callabl
     if not mine:
         return function
     optional = {n for n in mine if parameters[n].default is None or n == "threshold"}
-    in_order = [n for n, p in parameters.items() if p.kind is p.POSITIONAL_OR_KEYWORD]
+    in_order = [
+        n for n, p in parameters.items() if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)
+    ]
 
     @wraps(function)
     def wrapper(*args: Any, **kwargs: Any) -> Any:
