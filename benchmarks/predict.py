@@ -1,13 +1,16 @@
 """Speed of a forecaster: import, 10,000 instances, one verdict; file size and training time.
 
-    python benchmarks/predict.py [--calls 10000] [--json predict.json] [--latency-only]
+    python benchmarks/predict.py [--calls 10000] [--rate 100] [--json predict.json] [--latency-only]
 
 Estimates and meshes are synthetic, of realistic size (three estimators, objects of 8,000
 vertices), so no data is needed. Each figure is the best of several runs in this process; the import
 is that of a new one. The latency of single verdicts is that of every call: by a process that is
-alone, beside two processes that never pause, and from eight threads at once. First verdicts are
-those of new processes. What else runs on the machine counts too, but for the time of computing,
-which is the processor time of the calling thread: see the load that is printed.
+alone; beside two processes of the same priority that never pause, one call after the other and at
+regular intervals, as a robot calls; and from eight threads at once, whose verdicts are compared
+with the others. At intervals, a latency starts when the call is due, so it includes the time until
+the scheduler wakes the process. First verdicts are those of new processes. What else runs on the
+machine counts too, but for the processor times (of the calling thread, and per call of the whole
+process): see the load that is printed.
 """
 
 from __future__ import annotations
@@ -77,7 +80,7 @@ def made_up_results(rng: np.random.Generator) -> dict[str, Results]:
 def made_up_models(folder: Path, rng: np.random.Generator) -> Models:
     info = {}
     for number in range(1, 5):
-        points = rng.normal(scale=40, size=(8000, 3)).astype("<f4")
+        points = rng.uniform(-50, 50, size=(8000, 3)).astype("<f4")
         header = "ply\nformat binary_little_endian 1.0\nelement vertex 8000\n"
         header += "".join(f"property float {a}\n" for a in "xyz") + "end_header\n"
         (folder / f"obj_{number:06d}.ply").write_bytes(header.encode() + points.tobytes())
@@ -90,6 +93,7 @@ def made_up_models(folder: Path, rng: np.random.Generator) -> Models:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Speed of a forecaster.")
     parser.add_argument("--calls", type=int, default=10_000, help="single verdicts that are timed")
+    parser.add_argument("--rate", type=float, default=100.0, help="calls a second, at intervals")
     parser.add_argument("--json", type=Path, help="also write the latencies to this file")
     parser.add_argument("--latency-only", action="store_true", help="of the default method")
     args = parser.parse_args()
@@ -125,7 +129,7 @@ def main() -> None:
             if not args.latency_only:
                 time_it(forecaster, name, estimates, models, paths)
             if (method, features) == WAYS[0]:
-                figures = latencies(file, models["made"], estimates, args.calls)
+                figures = latencies(file, models["made"], estimates, args.calls, args.rate)
                 if args.json:
                     args.json.write_text(json.dumps(figures, indent=2) + "\n")
 
@@ -173,60 +177,84 @@ from graspcast import Forecaster
 from graspcast.bop.models import Models
 
 forecaster, models = Forecaster.load(sys.argv[1]), {"made": Models(sys.argv[2])}
-pose = np.eye(4)
-pose[2, 3] = 1.0
-poses = {name: pose + 0 for name in forecaster.card.estimators}
+poses = {name: np.eye(4) for name in forecaster.card.estimators}
+for i, pose in enumerate(poses.values()):
+    pose[:3, 3] = 0.001 * i, 0.0, 1.0
 start = time.perf_counter()
 if sys.argv[3] == "warm":
     forecaster.warm_up(models)
 warm = time.perf_counter()
-forecaster.predict(poses, "made-1", models=models)
+verdict = forecaster.predict(poses, "made-1", models=models)
 print(warm - start, time.perf_counter() - warm)
+assert verdict.probability is not None, verdict
 """
 
 
-def latencies(file: Path, models: Models, estimates: Estimates, calls: int) -> dict[str, object]:
+Timed = tuple[float, float, float | None]
+"""Seconds until a verdict, processor time of its thread, and the probability."""
+
+
+def latencies(
+    file: Path, models: Models, estimates: Estimates, calls: int, rate: float
+) -> dict[str, object]:
     """Time single verdicts one by one, and the first ones of new processes."""
     forecaster, given = Forecaster.load(file), {"made": models}
     forecaster.warm_up(given)
 
-    def timed(i: int) -> tuple[float, float, float | None]:
+    def timed(i: int, due: float | None = None) -> Timed:
         poses = dict(zip(estimates.estimators, estimates.cam_T_obj[:, i], strict=True))
-        computed, start = time.thread_time(), time.perf_counter()
+        if due is not None:
+            time.sleep(max(0.0, due - time.perf_counter()))
+        computed, start = time.thread_time(), due or time.perf_counter()
         verdict = forecaster.predict(poses, f"made-{estimates.obj_id[i]}", models=given)
         stop = time.perf_counter()
         return stop - start, time.thread_time() - computed, verdict.probability
 
-    def one_by_one() -> list[tuple[float, float, float | None]]:
+    def one_by_one() -> list[Timed]:
         return [timed(i % N) for i in range(calls)]
 
-    found, loads = {}, {}
-    found["alone"], loads["alone"] = one_by_one(), os.getloadavg()[0]
-    with busy_processes(2):
-        found["two busy processes"], loads["two busy processes"] = one_by_one(), os.getloadavg()[0]
-    with ThreadPoolExecutor(8) as pool:
-        found["eight threads"] = list(pool.map(timed, (i % N for i in range(calls))))
-    loads["eight threads"] = os.getloadavg()[0]
-    expected = [probability for *_, probability in found["alone"]]
-    out: dict[str, object] = {"calls": calls}
-    columns = ("p50", "p90", "p99", "max", "cpu p50", "cpu p99", "load")
-    title = f"{calls} verdicts, ms"
-    print(f"{title:23s} " + " ".join(f"{name:>7s}" for name in columns))
-    for name, triples in found.items():
-        assert [probability for *_, probability in triples] == expected, name
-        ms = 1000 * np.array([times for *times, _ in triples])
-        waited, computed = ms.T
-        row = {
-            "p50": float(np.percentile(waited, 50)),
-            "p90": float(np.percentile(waited, 90)),
-            "p99": float(np.percentile(waited, 99)),
-            "max": float(waited.max()),
-            "computing_p50": float(np.percentile(computed, 50)),
-            "computing_p99": float(np.percentile(computed, 99)),
-            "load": loads[name],
-        }
-        print(f"{name:23s} " + " ".join(f"{value:7.2f}" for value in row.values()))
-        out[name] = row
+    def at_intervals() -> list[Timed]:
+        return [timed(i % N, time.perf_counter() + 1 / rate) for i in range(calls)]
+
+    def by_threads() -> list[Timed]:
+        with ThreadPoolExecutor(8) as pool:
+            return list(pool.map(timed, (i % N for i in range(calls))))
+
+    columns = (
+        "p50",
+        "p90",
+        "p99",
+        "max",
+        "thread_cpu_p50",
+        "thread_cpu_p99",
+        "process_cpu",
+        "load",
+    )
+    print(f"{calls} verdicts, ms".ljust(36) + " ".join(f"{name:>10s}" for name in columns))
+    out: dict[str, object] = {"calls": calls, "rate": rate}
+    expected: list[float | None] = []
+    for name, busy, ask in (
+        ("alone", 0, one_by_one),
+        ("two busy processes", 2, one_by_one),
+        (f"two busy processes, {rate:g} a second", 2, at_intervals),
+        ("eight threads", 0, by_threads),
+    ):
+        with busy_processes(busy):
+            start = time.process_time()
+            found = ask()
+            each = (time.process_time() - start) / calls
+        probabilities = [probability for *_, probability in found]
+        expected = expected or probabilities
+        assert probabilities == expected, name
+        waited, computed = 1000 * np.array([times for *times, _ in found]).T
+        values = (
+            *np.percentile(waited, (50, 90, 99, 100)).tolist(),
+            *np.percentile(computed, (50, 99)).tolist(),
+            1000 * each,
+            os.getloadavg()[0],
+        )
+        print(name.ljust(36) + " ".join(f"{value:10.2f}" for value in values))
+        out[name] = dict(zip(columns, values, strict=True))
     for way in ("cold", "warm"):
         command = [sys.executable, "-c", FIRST, str(file), str(models.directory), way]
         runs = [subprocess.check_output(command, text=True).split() for _ in range(3)]

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
-from graspcast.bop.meshes import read_coloured_mesh, read_mesh
+from graspcast.bop.meshes import Mesh, read_coloured_mesh, read_mesh
 from graspcast.errors import FormatError
 from poses import write_models
 
@@ -91,3 +91,9 @@ def test_a_texture_that_cannot_be_read_is_told_where_colours_are_wanted(
     else:
         assert len(said) == 1 and "its texture paint.png is not there" in said[0]
         assert (colours == 150).all()
+
+
+def test_points_are_the_vertices_laid_out_for_compiled_loops() -> None:
+    mesh = Mesh(np.random.default_rng(0).normal(size=(20, 3)), np.empty((0, 3), np.int64))
+    assert_array_equal(mesh.points, mesh.vertices)
+    assert mesh.points.T.flags.c_contiguous

@@ -71,3 +71,14 @@ def test_mappings_and_lists_are_checked_inside() -> None:
 def test_a_wrong_number_of_arguments_stays_a_type_error() -> None:
     with pytest.raises(TypeError, match="unexpected"):
         ask("a", other=1)
+
+
+def test_arguments_are_found_in_every_place() -> None:
+    @checked(name=NAME, size=number(0.0))
+    def made(name: str, /, *rest: int, size: float = 1.0) -> str:
+        return name
+
+    assert made("a", 1, 2, size=3) == "a"
+    for wrong in (lambda: made(1), lambda: made("a", 1, size=-1)):  # type: ignore[arg-type]
+        with pytest.raises(InputError):
+            wrong()

@@ -27,6 +27,8 @@ def test_against_plain_numpy() -> None:
     a, b = transform_points(EST, POINTS), transform_points(GT, POINTS)
     distance = np.linalg.norm(a - b, axis=-1)
     assert_allclose(e.add(EST, GT, POINTS), distance.mean(axis=1), rtol=1e-12)
+    several = e.add(EST[None], np.stack([GT, EST]), np.asfortranarray(POINTS))
+    assert_allclose(several, [e.add(EST, GT, POINTS), np.zeros(len(GT))], rtol=1e-12)
     nearest = [cdist(y, x).min(axis=1).mean() for x, y in zip(a, b, strict=True)]
     assert_allclose(e.add_s(EST, GT, POINTS), nearest, rtol=1e-9)
     turned = transform_points(GT @ HALF_TURN[1], POINTS)

@@ -109,3 +109,11 @@ def test_turning_the_camera_about_its_centre_turns_only_about_the_ray(seed: int)
         a, b = here[:, part], there[:, part]
         assert_allclose(b[:, 2], a[:, 2], atol=1e-9)
         assert_allclose(np.hypot(b[:, 0], b[:, 1]), np.hypot(a[:, 0], a[:, 1]), atol=1e-9)
+
+
+@given(seeds)
+def test_a_known_frame_changes_nothing(seed: int) -> None:
+    poses, others = pairs(seed)
+    frame = ray_frame(poses)
+    np.testing.assert_array_equal(relative(poses, others, frame), relative(poses, others))
+    np.testing.assert_array_equal(obj_R_ray(poses, frame), obj_R_ray(poses))

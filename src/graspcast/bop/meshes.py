@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import logging
 from dataclasses import dataclass
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,11 @@ class Mesh:
 
     vertices: Float[ndarray, "v 3"]
     faces: Int[ndarray, "f 3"]
+
+    @cached_property
+    def points(self) -> Float[ndarray, "v 3"]:
+        """The vertices, all x, then all y and z in memory, as compiled loops want them."""
+        return np.asfortranarray(self.vertices)
 
     def __repr__(self) -> str:
         return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} faces)"

@@ -38,6 +38,9 @@ __all__ = [
 ]
 
 
+_NAMES, _INSTANCES, _ARRAY = a(tuple, words="a tuple of names"), a(Instances), a(np.ndarray)
+
+
 @dataclass(frozen=True, eq=False)
 class IncompleteInstance:
     """An instance of the anchor's for which some other estimator has no estimate.
@@ -74,9 +77,9 @@ def check_shapes(estimators: Any, instances: Any, cam_T_obj: Any) -> None:
         Naming what is of another kind or shape.
     """
     where = "Estimates"
-    refuse_unless(a(tuple, words="a tuple of names"), estimators, where, "estimators")
-    refuse_unless(a(Instances), instances, where, "instances")
-    refuse_unless(a(np.ndarray), cam_T_obj, where, "cam_T_obj")
+    refuse_unless(_NAMES, estimators, where, "estimators")
+    refuse_unless(_INSTANCES, instances, where, "instances")
+    refuse_unless(_ARRAY, cam_T_obj, where, "cam_T_obj")
     wanted = (len(estimators), len(instances), 4, 4)
     if cam_T_obj.shape != wanted or cam_T_obj.dtype.kind != "f":
         raise InputError(
@@ -187,10 +190,11 @@ def copied(names: Sequence[str], cam_T_obj: Float[ndarray, "k n 4 4"]) -> list[s
         Their poses of n instances, (K, n, 4, 4).
     """
     out = [""] * cam_T_obj.shape[1]
+    distances = np.sort(cam_T_obj[:, :, 2, 3], axis=0)
+    if not (distances[1:] == distances[:-1]).any():  # nearly always
+        return out
     for j in range(1, len(names)):
         for i in range(j):
-            if not (cam_T_obj[i, :, 2, 3] == cam_T_obj[j, :, 2, 3]).any():  # nearly always
-                continue
             same = (cam_T_obj[i] == cam_T_obj[j]).all(axis=(1, 2))
             for n in np.flatnonzero(same).tolist():
                 out[n] = out[n] or (

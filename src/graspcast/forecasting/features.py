@@ -20,20 +20,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import chain, combinations, pairwise
+from functools import lru_cache
+from itertools import combinations, pairwise
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.bop.models import Models
+from graspcast.bop.models import ModelInfo, Models
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
 from graspcast.io.arguments import NAME, a, checked, mapping
 from graspcast.pose.metrics import add, nearest_symmetric
-from graspcast.pose.ray_frame import obj_R_ray, relative
-from graspcast.pose.transforms import compose, euler_zyx, invert, rotation_vector
+from graspcast.pose.ray_frame import obj_R_ray, ray_frame, relative
+from graspcast.pose.transforms import compose, euler_zyx, invert, norms, rotation_vector
 
 __all__ = [
     "FEATURE_SETS",
@@ -142,80 +143,112 @@ def describe(name: str) -> tuple[str, str]:
     return unit, meaning + (f" [{', '.join(others)}]" if others else "")
 
 
-Columns = Iterator[tuple[str, ndarray]]
+@lru_cache(maxsize=64)
+def _names(which: FeatureSet, supporters: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of a set's columns, in order."""
+    one = {
+        "paper": ("dx", "dy", "dz", "dpsi_x", "dpsi_y", "dpsi_z"),
+        "rich": (
+            *("rot_x", "rot_y", "rot_z", "angle", "off_x", "off_y", "off_z"),
+            *("ray", "ray_rel", "across_rel", "add_rel"),
+        ),
+        "full": ("shift_x", "shift_y", "shift_z", "turn_x", "turn_y", "turn_z"),
+    }
+
+    def each(kind: FeatureSet) -> list[str]:
+        return [f"{stem}.{name}" for name in supporters for stem in one[kind]]
+
+    if which == "paper":
+        return tuple(each("paper"))
+    between = ("angle_between", "offset_between", "ray_between")
+    pairs = list(combinations(supporters, 2))
+    rich = each("rich") + [f"{stem}.{a}.{b}" for a, b in pairs for stem in between]
+    rich += ["view_x", "view_y", "view_z", "distance", "add_mean_rel", "add_max_rel"]
+    if which == "rich":
+        return tuple(rich)
+    middle = [f"mid_{stem}" for stem in one["full"]]
+    return (*rich, *each("full"), *middle, *(f"axis_{r}{x}" for r in "xyz" for x in "xyz"))
 
 
-def _paper(principal: ndarray, supporters: Mapping[str, ndarray]) -> Columns:
-    for name, supporter in supporters.items():
-        shift = principal[:, :3, 3] - supporter[:, :3, 3]
-        turn = euler_zyx(principal[:, :3, :3]) - euler_zyx(supporter[:, :3, :3])
-        for axis, column in zip("xyz", shift.T, strict=True):
-            yield f"d{axis}.{name}", column
-        for axis, column in zip("xyz", turn.T, strict=True):
-            yield f"dpsi_{axis}.{name}", column
+def _side_by_side(parts: Float[ndarray, "k n c"]) -> Float[ndarray, "n kc"]:
+    """Put the columns of k supporters or pairs into one row for each instance."""
+    k, n, c = parts.shape
+    return parts.swapaxes(0, 1).reshape(n, k * c)
+
+
+def _paper(poses: Float[ndarray, "k n 4 4"]) -> Float[ndarray, "n d"]:
+    turns = euler_zyx(poses[..., :3, :3])
+    shift, turn = poses[:1, :, :3, 3] - poses[1:, :, :3, 3], turns[:1] - turns[1:]
+    return _side_by_side(np.concatenate([shift, turn], axis=-1))
 
 
 def _rich(
-    principal: ndarray, supporters: Mapping[str, ndarray], symmetries: ndarray, adds: ndarray
-) -> Columns:
-    """Compute the rich columns of one object; ``adds`` is ADD over diameter, (n, K - 1)."""
-    distance = np.linalg.norm(principal[:, :3, 3], axis=-1)
+    poses: Float[ndarray, "k n 4 4"],
+    symmetries: Float[ndarray, "s 4 4"],
+    adds: Float[ndarray, "n k_less_1"],
+    which: FeatureSet,
+) -> Float[ndarray, "n d"]:
+    """Compute the rich or full columns of one object.
+
+    Parameters
+    ----------
+    poses
+        The principal's and the supporters', (K, n, 4, 4).
+    symmetries
+        The object's.
+    adds
+        ADD over diameter, (n, K - 1).
+    which
+        ``rich`` or ``full``.
+    """
+    principal, k = poses[0], len(poses) - 1
+    position = principal[:, :3, 3]
+    distance = norms(position)
     # A principal at the camera's centre has no ray; the optical axis is used.
     safe = np.where(distance > 0, distance, 1.0)
-    ray = np.where(distance[:, None] > 0, principal[:, :3, 3] / safe[:, None], [0.0, 0.0, 1.0])
+    ray = np.where(distance > 0, position / safe, [0.0, 0.0, 1.0])
 
     # All differences at once: principal to each supporter, then between pairs of supporters.
-    names, poses = list(supporters), np.stack([principal, *supporters.values()])
-    k = len(names)
-    pairs = [(0, i + 1) for i in range(k)] + list(combinations(range(1, k + 1), 2))
-    start, end = (list(side) for side in zip(*pairs, strict=True))
+    start, end = map(list, zip(*combinations(range(k + 1), 2), strict=True))
     near = nearest_symmetric(compose(invert(poses)[start], poses[end]), symmetries)
     turn = rotation_vector(near[..., :3, :3])
-    angle = np.linalg.norm(turn, axis=-1)
-    shift = poses[end][..., :3, 3] - poses[start][..., :3, 3]
-    along = np.sum(shift * ray, axis=-1)
-
-    for i, name in enumerate(names):
-        across = np.linalg.norm(shift[i] - along[i][:, None] * ray, axis=-1)
-        for axis, column in zip("xyz", turn[i].T, strict=True):
-            yield f"rot_{axis}.{name}", column
-        yield f"angle.{name}", angle[i]
-        for axis, column in zip("xyz", near[i, :, :3, 3].T, strict=True):
-            yield f"off_{axis}.{name}", column
-        yield f"ray.{name}", along[i]
-        yield f"ray_rel.{name}", along[i] / safe
-        yield f"across_rel.{name}", across / safe
-        yield f"add_rel.{name}", adds[:, i]
-    for i in range(k, len(pairs)):
-        pair = f"{names[start[i] - 1]}.{names[end[i] - 1]}"
-        yield f"angle_between.{pair}", angle[i]
-        yield f"offset_between.{pair}", np.linalg.norm(shift[i], axis=-1)
-        yield f"ray_between.{pair}", along[i]
-    view = -np.einsum("nij,ni->nj", principal[:, :3, :3], ray)
-    for axis, column in zip("xyz", view.T, strict=True):
-        yield f"view_{axis}", column
-    yield "distance", distance
-    yield "add_mean_rel", adds.mean(axis=1)
-    yield "add_max_rel", adds.max(axis=1)
+    angle = norms(turn)
+    shift = poses[end, :, :3, 3] - poses[start, :, :3, 3]
+    along = np.add.reduce(shift * ray, axis=-1, keepdims=True)
+    across = norms(shift[:k] - along[:k] * ray)
+    each = (turn[:k], angle[:k], near[:k, :, :3, 3], along[:k], along[:k] / safe, across / safe)
+    between = (angle[k:], norms(shift[k:]), along[k:])
+    columns = [
+        _side_by_side(np.concatenate([*each, adds.T[..., None]], axis=-1)),
+        _side_by_side(np.concatenate(between, axis=-1)),
+        -np.einsum("nij,ni->nj", principal[:, :3, :3], ray),
+        distance,
+        adds.mean(axis=1, keepdims=True),
+        adds.max(axis=1, keepdims=True),
+    ]
+    if which == "full":
+        columns += _rays(principal, near[:k])
+    return np.concatenate(columns, axis=1)
 
 
-def _rays(principal: ndarray, supporters: Mapping[str, ndarray], symmetries: ndarray) -> Columns:
-    """Compute the columns that ``full`` has beyond ``rich``, of one object."""
-    poses = np.stack(list(supporters.values()))
-    near = nearest_symmetric(compose(invert(principal), poses), symmetries)
-    seen = relative(principal, compose(principal, near))
-    for name, differences in zip(supporters, seen, strict=True):
-        for kind, part in (("shift", differences[:, :3]), ("turn", differences[:, 3:])):
-            for axis, column in zip("xyz", part.T, strict=True):
-                yield f"{kind}_{axis}.{name}", column
-    middle = np.median(np.concatenate([np.zeros_like(seen[:1]), seen]), axis=0)
-    for kind, part in (("shift", middle[:, :3]), ("turn", middle[:, 3:])):
-        for axis, column in zip("xyz", part.T, strict=True):
-            yield f"mid_{kind}_{axis}", column
-    axes = obj_R_ray(principal)
-    for i, ray in enumerate("xyz"):
-        for axis, column in zip("xyz", axes[:, :, i].T, strict=True):
-            yield f"axis_{ray}{axis}", column
+def _rays(
+    principal: Float[ndarray, "n 4 4"], near: Float[ndarray, "k n 4 4"]
+) -> list[Float[ndarray, "n _"]]:
+    """Compute the columns that ``full`` has beyond ``rich``, of one object.
+
+    Parameters
+    ----------
+    principal
+        The principal's poses, (n, 4, 4).
+    near
+        The nearest symmetric poses of the supporters in the principal's object frame.
+    """
+    frame = ray_frame(principal)
+    seen = relative(principal, compose(principal, near), frame)
+    ordered = np.sort(np.concatenate([np.zeros_like(seen[:1]), seen]), axis=0)
+    middle = (ordered[len(near) // 2] + ordered[(len(near) + 1) // 2]) / 2
+    axes = obj_R_ray(principal, frame).swapaxes(1, 2)
+    return [_side_by_side(seen), middle, axes.reshape(-1, 9)]
 
 
 def _runs(*columns: ndarray) -> Iterator[slice | ndarray]:
@@ -259,15 +292,15 @@ def mean_add(
 
 def _adds(
     estimates: Estimates, principal: str, models: Mapping[str, Models]
-) -> Iterator[tuple[slice | ndarray, str, int, ndarray]]:
-    """Yield each object's rows, dataset, number, and ADD to each supporter, (m, K - 1)."""
-    pose = estimates.of(principal)
-    supporters = [estimates.of(name) for name in estimates.supporters(principal)]
+) -> Iterator[tuple[slice | ndarray, ndarray, ModelInfo, ndarray]]:
+    """Yield each object's rows, poses (principal's first), model, and ADDs, (m, K - 1)."""
+    every = estimates.only(principal, *estimates.supporters(principal)).cam_T_obj
     for rows in _runs(estimates.dataset, estimates.obj_id):
         dataset, obj_id = str(estimates.dataset[rows][0]), int(estimates.obj_id[rows][0])
-        points = _models_of(models, dataset).mesh(obj_id).vertices
-        adds = [add(pose[rows], supporter[rows], points) for supporter in supporters]
-        yield rows, dataset, obj_id, np.stack(adds, axis=1)
+        models_of = _models_of(models, dataset)
+        poses = every[:, rows]
+        adds = add(poses[:1], poses[1:], models_of.mesh(obj_id).points)
+        yield rows, poses, models_of[obj_id], np.ascontiguousarray(adds.T)
 
 
 @checked(estimates=a(Estimates), principal=NAME, which=NAME, models=mapping(a(Models), "dataset"))
@@ -298,31 +331,15 @@ def consensus_features(
     MismatchError
         If the models of a dataset are needed and missing.
     """
-    pose = estimates.of(principal)
-    supporters = {name: estimates.of(name) for name in estimates.supporters(principal)}
+    names = estimates.supporters(principal)
     if which == "paper":
-        return _stack(_paper(pose, supporters))
+        return Features(_names(which, names), _paper(estimates.only(principal, *names).cam_T_obj))
     if which not in FEATURE_SETS:
         raise UnknownNameError("feature set", which, FEATURE_SETS)
-    models = models or {}
-    out: Features | None = None
-    for rows, dataset, obj_id, adds in _adds(estimates, principal, models):
-        info = _models_of(models, dataset)[obj_id]
-        seen = {name: poses[rows] for name, poses in supporters.items()}
-        columns = _rich(pose[rows], seen, info.symmetries, adds / info.diameter_m)
-        if which == "full":
-            columns = chain(columns, _rays(pose[rows], seen, info.symmetries))
-        part = _stack(columns)
-        if out is None:
-            out = Features(part.names, np.empty((len(estimates), len(part.names))))
-        out.values[rows] = part.values
-    assert out is not None
+    out = Features(_names(which, names), np.empty((len(estimates), len(_names(which, names)))))
+    for rows, poses, info, adds in _adds(estimates, principal, models or {}):
+        out.values[rows] = _rich(poses, info.symmetries, adds / info.diameter_m, which)
     return out
-
-
-def _stack(columns: Columns) -> Features:
-    names, values = zip(*columns, strict=True)
-    return Features(names=names, values=np.stack(values, axis=1))
 
 
 def features_of(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import repeat
 from os import PathLike
 from typing import Any
@@ -187,7 +188,7 @@ class Forecaster:
         self._check_estimators(estimates.estimators)
         known = set(self.card.objects)
         if not known.intersection(estimates.objects.tolist()):
-            self._object_numbers(estimates.objects)
+            self._object_numbers(estimates.objects.tolist())
         problems = estimate_problems(estimates.only(*self.card.estimators), models)
         return [
             why if name in known else f"the model was not trained for {name}"
@@ -262,7 +263,7 @@ class Forecaster:
         """
         check_threshold(threshold)
         self._check_estimators(poses)
-        self._object_numbers(np.array([object_name]))
+        self._object_numbers([object_name])
         mine = {name: poses[name] for name in self.card.estimators}
         estimates, reason = estimates_of_one(mine, object_name, models)
         if reason:
@@ -332,7 +333,7 @@ class Forecaster:
         self._check_estimators(estimates.estimators)
         mine = estimates.only(*card.estimators)
         found = features_of(mine, card.principal, card.features, models)
-        return found, self._object_numbers(estimates.objects, unseen)
+        return found, self._object_numbers(estimates.objects.tolist(), unseen)
 
     def _check_estimators(self, given: Collection[str]) -> None:
         card = self.card
@@ -344,16 +345,19 @@ class Forecaster:
                 parameters=("estimates",),
             )
 
-    def _object_numbers(self, names: ndarray, unseen: bool = False) -> ndarray:
-        number = {name: i for i, name in enumerate(self.card.objects)}
-        unknown = sorted(set(names.tolist()) - set(number))
-        if unknown and not unseen:
+    @cached_property
+    def _number(self) -> dict[str, int]:
+        return {name: i for i, name in enumerate(self.card.objects)}
+
+    def _object_numbers(self, names: Sequence[str], unseen: bool = False) -> ndarray:
+        number = self._number
+        if not unseen and (unknown := sorted(set(names).difference(number))):
             raise MismatchError(
                 f"this model was not trained for {', '.join(unknown)}; it knows "
                 f"{', '.join(self.card.objects)}",
                 parameters=("objects", "model"),
             )
-        return np.array([number.get(name, UNSEEN) for name in names.tolist()], dtype=np.int64)
+        return np.array([number.get(name, UNSEEN) for name in names], dtype=np.int64)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write one npz file of arrays and JSON, without pickle, with a digest."""

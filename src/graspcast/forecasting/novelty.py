@@ -33,6 +33,7 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import scene_groups
 from graspcast.forecasting.splits import fold_numbers
 from graspcast.pose.ray_frame import compressed, relative
+from graspcast.pose.transforms import norms
 
 __all__ = ["OOD_ALPHA", "Disagreement", "Novelty"]
 
@@ -213,8 +214,8 @@ def disagreement(
     estimates: Estimates, principal: str, supporters: Sequence[str]
 ) -> Float[ndarray, "s n 6"]:
     """Return each supporter's pose in the principal's ray frame."""
-    others = np.stack([estimates.of(name) for name in supporters])
-    return relative(estimates.of(principal), others)
+    poses = estimates.only(principal, *supporters).cam_T_obj
+    return relative(poses[0], poses[1:])
 
 
 def _rows(by: Float[ndarray, "s n 6"]) -> Float[ndarray, "n d"]:
@@ -228,12 +229,12 @@ def _sizes(
     diameter_m: Float[ndarray, " n"] | None,
 ) -> Float[ndarray, "n s 4"]:
     """Return the magnitudes of each supporter's disagreement that :attr:`Novelty.limits` bounds."""
-    distance = np.linalg.norm(cam_T_obj[:, :3, 3], axis=1)
+    distance = norms(cam_T_obj[:, :3, 3])[:, 0]
     size = np.full(len(cam_T_obj), np.nan) if diameter_m is None else diameter_m
     across, along = np.hypot(by[..., 0], by[..., 1]), np.abs(by[..., 2])
     apart = np.hypot(across, along) * distance / size
-    sizes = np.stack([across, along, apart, np.linalg.norm(by[..., 3:], axis=-1)], axis=-1)
-    return np.swapaxes(sizes, 0, 1)
+    sizes = np.stack([across, along, apart, norms(by[..., 3:])[..., 0]], axis=-1)
+    return sizes.swapaxes(0, 1)
 
 
 def _shape(rows: Float[ndarray, "n d"]) -> tuple[Float[ndarray, " d"], Float[ndarray, "d d"]]:

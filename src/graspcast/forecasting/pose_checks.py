@@ -115,7 +115,7 @@ def estimates_of_one(
     arrays = [np.eye(4) if p is None else _as_matrix(name, p) for name, p in poses.items()]
     instances = Instances.of([InstanceKey(dataset, 0, 0, obj_id, 0)])
     stacked = np.stack(arrays)
-    size = np.repeat(diameters([dataset], [obj_id], models), len(stacked))
+    size = np.full(len(stacked), diameters([dataset], [obj_id], models))
     missing = []
     for name, pose, problem in zip(poses, stacked, pose_problems(stacked, size), strict=True):
         if problem and not is_placeholder(pose):

@@ -33,6 +33,7 @@ __all__ = [
     "write_verdicts",
 ]
 
+_is_share, _ = number(0.0, 1.0)
 _NUMBERS = ("scene_id", "im_id", "obj_id", "est_id")
 _NAMES = ("dataset", "principal", "gripper", "grasp")
 COLUMNS = (
@@ -123,8 +124,7 @@ def check_threshold(threshold: float) -> float:
     InputError
         If it is not between 0 and 1.
     """
-    is_share, _ = number(0.0, 1.0)
-    if not is_share(threshold):
+    if not _is_share(threshold):
         raise InputError(f"the threshold is a probability between 0 and 1, not {threshold}")
     return threshold
 

@@ -142,12 +142,14 @@ def ray_share(
 
 
 def add(
-    cam_T_a: Float[ndarray, "n 4 4"],
-    cam_T_b: Float[ndarray, "n 4 4"],
+    cam_T_a: Float[ndarray, "*#batch 4 4"],
+    cam_T_b: Float[ndarray, "*#batch 4 4"],
     points: Float[ndarray, "v 3"],
-) -> Float[ndarray, " n"]:
+) -> Float[ndarray, "*batch"]:
     """Compute ADD: the mean distance of the model's points under two poses, metres."""
-    return _mean_and_largest((cam_T_a - cam_T_b)[:, :3], points)[0]
+    difference = (cam_T_a - cam_T_b)[..., :3, :]
+    mean, _ = _mean_and_largest(difference.reshape(-1, 3, 4), points)
+    return mean.reshape(difference.shape[:-2])
 
 
 def add_s(

@@ -15,52 +15,67 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.pose.transforms import rotation_from_vector, rotation_vector, transform
+from graspcast.pose.transforms import norms, rotation_from_vector, rotation_vector, transform
 
 __all__ = ["compressed", "displaced", "error_along", "obj_R_ray", "ray_frame", "relative"]
 
 _SPREAD = np.array([0.003, 0.003, 0.008, 0.07, 0.07, 0.07])
 """Typical magnitudes of the numbers of :func:`relative`."""
+_X, _Y, _Z = np.eye(3)
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def ray_frame(cam_T_obj: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 3 3"]:
     """Compute ``cam_R_ray`` of each pose; the identity for an object at the camera's centre."""
     position = cam_T_obj[..., :3, 3]
-    distance = np.linalg.norm(position, axis=-1, keepdims=True)
-    z = np.where(distance > 0, position / np.where(distance > 0, distance, 1.0), [0.0, 0.0, 1.0])
+    distance = norms(position)
+    there = distance > 0
+    z = np.where(there, position / np.where(there, distance, 1.0), _Z)
     # The camera's x axis made perpendicular to the ray; its y axis if x is parallel to the ray.
     along_x = np.abs(z[..., :1]) > 1 - 1e-9
-    side = np.where(along_x, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
-    x = side - z * np.sum(side * z, axis=-1, keepdims=True)
-    x /= np.linalg.norm(x, axis=-1, keepdims=True)
+    side = np.where(along_x, _Y, _X)
+    x = side - z * np.add.reduce(side * z, axis=-1, keepdims=True)
+    x /= norms(x)
     out = np.empty((*z.shape, 3))
     out[..., 0], out[..., 2] = x, z
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # the cross product of z and x
-        out[..., i, 1] = z[..., j] * x[..., k] - z[..., k] * x[..., j]
+    # The cross product of z and x.
+    out[..., 1] = z.take(_NEXT, -1) * x.take(_LAST, -1) - z.take(_LAST, -1) * x.take(_NEXT, -1)
     return out
 
 
-def obj_R_ray(cam_T_obj: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 3 3"]:
-    """Compute the rotation from the ray frame to the object's frame."""
-    return np.swapaxes(cam_T_obj[..., :3, :3], -1, -2) @ ray_frame(cam_T_obj)
+def obj_R_ray(
+    cam_T_obj: Float[ndarray, "*batch 4 4"], cam_R_ray: Float[ndarray, "*batch 3 3"] | None = None
+) -> Float[ndarray, "*batch 3 3"]:
+    """Compute the rotation from the ray frame (if it is known, ``cam_R_ray``) to the object's."""
+    frame = ray_frame(cam_T_obj) if cam_R_ray is None else cam_R_ray
+    return cam_T_obj[..., :3, :3].swapaxes(-1, -2) @ frame
 
 
 def relative(
-    cam_T_obj: Float[ndarray, "*#batch 4 4"], other: Float[ndarray, "*#batch 4 4"]
+    cam_T_obj: Float[ndarray, "*#batch 4 4"],
+    other: Float[ndarray, "*#batch 4 4"],
+    cam_R_ray: Float[ndarray, "*#batch 3 3"] | None = None,
 ) -> Float[ndarray, "*batch 6"]:
     """Express another pose of the same object in this pose's ray frame.
+
+    Parameters
+    ----------
+    cam_T_obj, other
+        The two poses.
+    cam_R_ray
+        :func:`ray_frame` of this pose, where it is known.
 
     Returns
     -------
     Difference of the origins divided by the distance (3, no unit; the third is along the ray), and
     the rotation vector from this pose to the other (3, radians).
     """
-    frame = ray_frame(cam_T_obj)
+    frame = ray_frame(cam_T_obj) if cam_R_ray is None else cam_R_ray
     position = cam_T_obj[..., :3, 3]
-    distance = np.linalg.norm(position, axis=-1, keepdims=True)
+    distance = norms(position)
     shift = np.einsum("...ji,...j->...i", frame, other[..., :3, 3] - position)
-    turn = other[..., :3, :3] @ np.swapaxes(cam_T_obj[..., :3, :3], -1, -2)
-    turn = np.swapaxes(frame, -1, -2) @ turn @ frame
+    turn = other[..., :3, :3] @ cam_T_obj[..., :3, :3].swapaxes(-1, -2)
+    turn = frame.swapaxes(-1, -2) @ turn @ frame
     return np.concatenate(
         [shift / np.where(distance > 0, distance, 1.0), rotation_vector(turn)], axis=-1
     )

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from graspcast.pose.lengths import Reference, between, shown, unit_problem
+from graspcast.pose.transforms import norms
 
 __all__ = [
     "FARTHEST_DIAMETERS",
@@ -43,6 +44,7 @@ USUAL_DIAMETERS = (1.0, 30.0)
 """Distances in diameters that suggest a unit of length."""
 NEAREST_M, FARTHEST_M = 0.02, 20.0
 """The range where the object's size is unknown; published estimates are 0.3 to 2 m away."""
+_UNIT, _LAST_ROW = np.eye(3), np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def is_placeholder(cam_T_obj: Float[ndarray, "*n 4 4"]) -> Bool[ndarray, "*n"]:
@@ -82,19 +84,19 @@ def _sane(
 ) -> Bool[ndarray, " n"]:
     """Find the poses that need no closer look, all at once, since nearly all are sane."""
     R, t = cam_T_obj[:, :3, :3], cam_T_obj[:, :3, 3]
-    with np.errstate(invalid="ignore"):
-        # Stricter than the distance to the nearest rotation, which takes a decomposition.
-        deviation = np.linalg.norm(np.swapaxes(R, 1, 2) @ R - np.eye(3), axis=(1, 2))
-        distance = np.linalg.norm(t, axis=1)
-        nearest = np.where(np.isnan(diameter_m), NEAREST_M, NEAREST_DIAMETERS * diameter_m)
-        farthest = np.where(np.isnan(diameter_m), FARTHEST_M, FARTHEST_DIAMETERS * diameter_m)
-        near = (distance >= nearest) & (distance <= farthest)
-        last = (cam_T_obj[:, 3] == [0.0, 0.0, 0.0, 1.0]).all(axis=1)
+    unknown = np.isnan(diameter_m)
+    nearest = np.where(unknown, NEAREST_M, NEAREST_DIAMETERS * diameter_m)
+    farthest = np.where(unknown, FARTHEST_M, FARTHEST_DIAMETERS * diameter_m)
+    with np.errstate(all="ignore"):
+        # Stricter than the distance to the nearest rotation, which takes a decomposition. Numbers
+        # that are not finite make either this or the distance infinite or NaN, which fits nowhere.
+        deviation = norms((R.swapaxes(1, 2) @ R - _UNIT).reshape(-1, 9))[:, 0]
+        distance = norms(t)[:, 0]
+        placed = (distance >= nearest) & (distance <= farthest) & (t[:, 2] > 0)
+        # Of a matrix so near to a rotation or a reflection the determinant is about 1 or -1.
         proper = (deviation < MAX_ROTATION_DEVIATION) & (np.linalg.det(R) > 0)
-        out: ndarray = (
-            np.isfinite(cam_T_obj).all(axis=(1, 2)) & last & proper & near & (t[:, 2] > 0)
-        )
-    return out & ~is_placeholder(cam_T_obj)
+    last = (cam_T_obj[:, 3] == _LAST_ROW).all(axis=1)
+    return np.asarray(placed & proper & last & ~is_placeholder(cam_T_obj))
 
 
 def _problem(pose: Float[ndarray, "4 4"], diameter_m: float) -> str:

@@ -175,7 +175,7 @@ class Blend:
                 self.errors,
                 self.success_given_error,
                 rows[:, inputs],
-                np.swapaxes(rows[:, axes].reshape(-1, 3, 3), 1, 2),
+                rows[:, axes].reshape(-1, 3, 3).swapaxes(1, 2),
                 rows[:, self.columns[-2]],
                 numbers[mine],
                 draws=self.draws,
@@ -187,9 +187,10 @@ class Blend:
         direct = self.direct.mean(np.concatenate([features, which, guide], axis=1))
         # For objects without outcomes the direct forest is used only if there is nothing else.
         weight = np.where((numbers >= 0) & self.tried[numbers], self.weight, 0.0)
-        weight = np.where(np.isnan(staged), 1.0, weight)
-        mixed = weight * direct + (1 - weight) * np.nan_to_num(staged)
-        return np.stack([mixed, staged])
+        unknown = np.isnan(staged)
+        weight = np.where(unknown, 1.0, weight)
+        mixed = weight * direct + (1 - weight) * np.where(unknown, 0.0, staged)
+        return np.array([mixed, staged])
 
     def probability(
         self, features: Float[ndarray, "n d"], objects: Int[ndarray, " n"]

@@ -17,7 +17,7 @@ __all__ = ["expit", "fit_calibration", "logit"]
 
 def logit(p: ndarray) -> ndarray:
     """Return log-odds; probabilities are clipped to [0.001, 0.999]."""
-    bounded = np.clip(p, 1e-3, 1 - 1e-3)
+    bounded = np.minimum(np.maximum(p, 1e-3), 1 - 1e-3)
     return np.asarray(np.log(bounded / (1 - bounded)))
 
 

@@ -35,4 +35,4 @@ UNSEEN = -1
 
 def one_hot_numbers(numbers: Int[ndarray, " n"], count: int) -> Float[ndarray, "n count"]:
     """Encode object numbers as one-hot rows; an unseen object (-1) is a row of zeros."""
-    return np.concatenate([np.eye(count), np.zeros((1, count))])[numbers]
+    return np.asarray(numbers[:, None] == np.arange(count), dtype=np.float64)

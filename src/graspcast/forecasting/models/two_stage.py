@@ -17,13 +17,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.forecasting.models.forest import WALK_NS, Forest, flatten, walk
+from graspcast.forecasting.models.forest import WALK_NS, Forest, flatten, walk, walk_together
 from graspcast.io.compiling import cached_njit
 from graspcast.pose.parallel import over_rows
 from graspcast.pose.ray_frame import compressed
@@ -132,6 +133,7 @@ class ErrorModel:
             raise ValueError("an error model holds numbers that are not finite")
 
 
+@lru_cache(maxsize=16)
 def _places(count: int) -> Float[ndarray, " count"]:
     """Return evenly spread numbers in [0, 1): multiples of the golden ratio (low discrepancy)."""
     return np.asarray((np.arange(1, count + 1) * 0.6180339887498949) % 1.0)
@@ -265,13 +267,17 @@ def _expected(
 ):  # fmt: skip
     trees, s_trees, draws = len(roots) - 1, len(s_roots) - 1, len(places)
     stride = max(1, s_trees // trees_a_draw)
+    nodes = np.empty(draws, np.int64)
     for i in range(start, stop):
+        for draw in range(draws):
+            nodes[draw] = roots[draw % trees]
+        walk_together(rows[i], nodes, feature, threshold, right)
         inputs = np.zeros((draws, 8 + objects), dtype=np.float32)
         inputs[:, 8 + numbers[i]] = 1.0
         turn = np.empty((3, 3))
         for draw in range(draws):
             tree = draw % trees
-            leaf = right[walk(rows[i], roots[tree], feature, threshold, right)] + offset[tree]
+            leaf = right[nodes[draw]] + offset[tree]
             size = first[leaf + 1] - first[leaf]
             drawn = truth[members[first[leaf] + int(places[draw] * size)]]
             # As in pose.ray_frame.error_along; the negated rotation vector, rotated from the ray
