@@ -50,11 +50,12 @@ def test_an_unknown_length_has_no_problem() -> None:
 
 
 def test_lengths_are_shown_in_millimetres_or_metres() -> None:
-    assert [shown(x) for x in (0.0008, 0.102, 0.822, 800.0)] == [
+    assert [shown(x) for x in (0.0008, 0.102, 0.822, 800.0, 1e300)] == [
         "0.8 mm",
         "102 mm",
         "0.82 m",
         "800 m",
+        "1e+300 m",
     ]
     assert between(0.102, 0.123) == "102 to 123 mm"
     assert between(0.09, 1.2) == "90 mm to 1.20 m"

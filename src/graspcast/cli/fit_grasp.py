@@ -80,7 +80,11 @@ def _trials_of(options: argparse.Namespace) -> tuple[ObservedTrials, dict[str, P
         note(*data.lengths)
         return published_trials(data), {name: dataset.root for name, dataset in data.bop.items()}
     if not (options.estimates and options.bop and options.outcomes):
-        raise InputError("give --data, or else --estimates, --bop and --outcomes")
+        raise InputError(
+            "give --data, or else --estimates, --bop and --outcomes. The search needs outcomes of "
+            "real trials; without them, write a grasp by hand in a TOML file, and look at it with "
+            "graspcast watch --grasps FILE"
+        )
     inputs = inputs_of(options)
     names = sorted({name for tables in inputs.results.values() for name in tables})
     trials = observed_trials(

@@ -186,7 +186,8 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
 
     if not (options.outcomes or options.simulated):
         raise InputError(
-            "there are neither outcomes nor simulated trials to learn from",
+            "there are neither outcomes nor simulated trials to learn from; where no real trials "
+            "were made, graspcast simulate gives a campaign's directory of them",
             parameters=("outcomes", "simulated"),
         )
     estimates = inputs.estimates(options.principal)

@@ -120,6 +120,8 @@ def shown(length_m: float) -> str:
         return "unknown"
     if abs(length_m) < 0.5:
         return f"{1000 * length_m:.3g} mm"
+    if abs(length_m) >= 1e5:
+        return f"{length_m:.3g} m"
     return f"{length_m:.{2 if abs(length_m) < 10 else 0}f} m"
 
 

@@ -43,3 +43,12 @@ def test_openings_that_fit_the_hand(opening: float) -> None:
 )
 def test_an_opening_or_a_hand_in_another_unit(scale: float, opening: float, message: str) -> None:
     assert message in size_problem(_hand(scale), opening)
+
+
+@pytest.mark.parametrize("field", ["body_mass", "geom_size", "actuator_gainprm"])
+def test_values_that_are_not_finite(field: str) -> None:
+    model = FrankaHand().spec().compile()
+    getattr(model, field)[-1] = float("nan")
+    assert size_problem(model, 0.08) == (
+        f"the hand's model has values of {field} that are not finite numbers"
+    )

@@ -3,8 +3,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
+from graspcast.errors import InputError
 from graspcast.simulation.grippers import GRIPPERS, FrankaHand, TendonHand, load_gripper
-from graspcast.simulation.grippers.protocol import Equilibrium, Gripper, gripper_digest
+from graspcast.simulation.grippers.protocol import Closing, Equilibrium, Gripper, gripper_digest
 
 THREE_JAW = Path(__file__).parents[2] / "data" / "three_jaw.toml"
 
@@ -26,3 +29,24 @@ def test_digests_follow_the_model_and_the_commands() -> None:
     ]
     assert len({gripper_digest(hand) for hand in hands}) == len(hands)
     assert gripper_digest(FrankaHand()) == gripper_digest(FrankaHand())
+
+
+@pytest.mark.parametrize("seconds", [0.0, 1e9, float("nan")])
+def test_a_closing_that_takes_no_time_or_for_ever(seconds: float) -> None:
+    with pytest.raises(InputError, match="give a time above zero, at most 60 s"):
+        Closing({"a": 0.0}, {"a": 1.0}, seconds)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"limit_s": 1e7}, "limit_s is 10000000.0; give at least window_s"),
+        ({"window_s": 3.0}, "limit_s is 2.5; give at least window_s"),
+        ({"window_s": float("inf")}, "window_s is inf"),
+        ({"lever_m": 50.0}, r"lever_m is 50 m, but fingers .*in millimetres \(50 mm\)"),
+        ({"motion_m": 0.2}, "motion_m is 200 mm, but a hand at rest moves by less than 10 mm"),
+    ],
+)
+def test_an_equilibrium_that_makes_no_sense(values: dict[str, float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Equilibrium(**values)

@@ -103,6 +103,7 @@ def test_a_fixed_unit_is_not_advised_to_be_changed(tmp_path: Path) -> None:
         ("a.stl", b"", "a.stl"),
         ("a.step", b"", "should end in .stl, .obj, .ply"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "a.obj"),
+        ("a.obj", b"v 0 0\nv 50 0\nv 0 50\nf 1 2 3\n", "without three coordinates"),
         ("a.obj", b"v 0 0 0\nv nan 0 0\nv 0 .1 0\nf 1 2 3\n", "finite"),
     ],
 )

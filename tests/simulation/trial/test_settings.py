@@ -15,6 +15,10 @@ def test_settings_that_cannot_work_are_refused() -> None:
         ({"timestep": 0.008}, "below twice the timestep"),
         ({"lift_speed": 0.001}, "too low to detect a failure"),
         ({"lift_ramp_s": 20.0}, "must be below lift_s"),
+        ({"standoff_m": 100.0}, r"standoff_m is 100 m, but .*in millimetres \(100 mm\)"),
+        ({"tolerance_m": 5.0}, r"tolerance_m is 5.00 m, but .*in centimetres \(50 mm\)"),
+        ({"approach_speed": 100.0}, "approach_speed is 100.0; it must be at most 10"),
+        ({"lift_s": float("inf")}, "lift_s is inf; it must be at most 600"),
     ):
         with pytest.raises(InputError, match=message):
             replace(TrialSettings(), **wrong)

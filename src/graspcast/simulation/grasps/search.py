@@ -174,7 +174,9 @@ def fit_grasp(
     for name, trials in (("train", train), ("validation", validation)):
         if not len(trials):
             raise InputError(
-                f"{grasp_object.name}: there are no outcomes in the {name} split",
+                f"{grasp_object.name} by {gripper.name}: there are no outcomes in the {name} split; "
+                "the search needs some in train and in validation. Without outcomes of real "
+                "trials, write a grasp by hand in a TOML file",
                 parameters=("outcomes",),
             )
     chosen = settings or TrialSettings()
@@ -260,7 +262,8 @@ class _Search:
         if not out:
             raise InputError(
                 f"no grasp of {self.grasp_object.name!r} by {self.gripper.name!r} holds a perfect "
-                f"estimate: {len(proposed)} proposed, {len(given)} given",
+                f"estimate: {len(proposed)} proposed, {len(given)} given; is the object "
+                "narrower than the gripper opens, in some direction?",
                 parameters=("require_perfect_hold",),
             )
         return out

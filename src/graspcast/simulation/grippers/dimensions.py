@@ -12,6 +12,11 @@ __all__ = ["hand_size_m", "size_problem"]
 
 _HANDS = Reference("hands are 20 mm to 3 m across", 0.02, 3.0, (0.05, 0.6))
 
+_FINITE = (
+    *("body_pos", "body_mass", "body_inertia", "geom_pos", "geom_size", "geom_aabb", "jnt_range"),
+    *("jnt_stiffness", "dof_damping", "dof_armature", "actuator_gainprm", "actuator_biasprm"),
+)
+
 
 def hand_size_m(model: Any) -> float:
     """Return the largest side of the bounding box of a compiled hand, metres."""
@@ -40,6 +45,9 @@ def size_problem(model: Any, max_opening_m: float) -> str:
     max_opening_m
         Its stated opening.
     """
+    for name in _FINITE:
+        if not np.isfinite(getattr(model, name)).all():
+            return f"the hand's model has values of {name} that are not finite numbers"
     size = hand_size_m(model)
     if problem := unit_problem("the hand's model", size, _HANDS, unit="m"):
         return f"{problem} (MJCF is in metres; <mesh scale=...> converts meshes)"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol, runtime_checkable
@@ -11,8 +12,15 @@ from numpy import ndarray
 
 from graspcast.errors import InputError
 from graspcast.io.hashing import canonical_json, sha256
+from graspcast.pose.lengths import Reference, unit_problem
 
 __all__ = ["Closing", "Equilibrium", "Gripper", "gripper_digest"]
+
+LONGEST_S = 60.0
+"""Longest time that a hand may take to close, or to come to rest."""
+
+_MOTIONS = Reference("a hand at rest moves by less than 10 mm", 0.0, 0.01, (1e-6, 2e-3))
+_LEVERS = Reference("fingers are shorter than 1 m", 0.0, 1.0, (5e-3, 0.3))
 
 
 @dataclass(frozen=True)
@@ -41,8 +49,10 @@ class Closing:
                 f"open names the actuators {sorted(self.open)} and close {sorted(self.close)}: "
                 "both must name the same ones, and at least one"
             )
-        if not self.seconds > 0:
-            raise InputError(f"closing takes {self.seconds} s; give a time above zero")
+        if not 0 < self.seconds <= LONGEST_S:
+            raise InputError(
+                f"closing takes {self.seconds} s; give a time above zero, at most {LONGEST_S:g} s"
+            )
 
 
 @dataclass(frozen=True)
@@ -71,8 +81,16 @@ class Equilibrium:
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
-            if not value > 0:
+            if not 0 < value < math.inf:
                 raise InputError(f"equilibrium {name} is {value}; it must be > 0")
+        if not self.window_s <= self.limit_s <= LONGEST_S:
+            raise InputError(
+                f"equilibrium limit_s is {self.limit_s}; give at least window_s ({self.window_s} "
+                f"s) and at most {LONGEST_S:g} s"
+            )
+        for name, usual in (("motion_m", _MOTIONS), ("lever_m", _LEVERS)):
+            if problem := unit_problem(f"equilibrium {name}", getattr(self, name), usual, unit="m"):
+                raise InputError(problem)
 
 
 @runtime_checkable

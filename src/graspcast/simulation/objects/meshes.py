@@ -111,6 +111,8 @@ def _load(path: Path) -> tuple[ndarray, ndarray]:
         faces = np.array(getattr(loaded, "faces", ()), dtype=np.int64).reshape(-1, 3)
     except Exception as error:  # trimesh raises whatever its parser met
         raise FormatError(path, f"is not a {path.suffix[1:].upper()} mesh ({error})") from error
+    if vertices.size and (vertices.ndim != 2 or vertices.shape[1] != 3):
+        raise FormatError(path, "has vertices without three coordinates")
     if not len(vertices) or not len(faces):
         raise FormatError(path, "has no triangles; a grasp needs a surface, not a point cloud")
     if faces.min() < 0 or faces.max() >= len(vertices):

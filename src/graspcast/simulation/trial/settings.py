@@ -7,8 +7,20 @@ from typing import Any, Literal
 
 from graspcast.errors import InputError
 from graspcast.io.hashing import canonical_json, sha256
+from graspcast.pose.lengths import Reference, unit_problem
 
 __all__ = ["TrialSettings"]
+
+_LENGTHS = {
+    "standoff_m": Reference("an arm approaches from less than 2 m", 0.0, 2.0, (0.01, 0.5)),
+    "tolerance_m": Reference("a hand grasps objects of up to 1 m", 0.0, 1.0, (0.005, 0.3)),
+    "overlap_m": Reference("a hand grasps objects of up to 1 m", 0.0, 0.1, (0.0, 0.01)),
+    "torsion_m": Reference("a patch of contact is smaller than 0.1 m", 0.0, 0.1, (0.0, 0.02)),
+}
+_MOST = {
+    **{"approach_speed": 10.0, "lift_speed": 10.0, "lift_s": 600.0, "settle_s": 60.0},
+    **{"timestep": 0.05, "arm_force_n": 1e6},
+}
 
 
 @dataclass(frozen=True)
@@ -92,6 +104,16 @@ class TrialSettings:
         for name in ("settle_s", "lift_ramp_s", "overlap_m", "noslip_iterations", "torsion_m"):
             if not getattr(self, name) >= 0:
                 raise InputError(f"trial setting {name} is {getattr(self, name)}; it must be >= 0")
+        for name, limit in _LENGTHS.items():
+            if problem := unit_problem(
+                f"trial setting {name}", getattr(self, name), limit, unit="m"
+            ):
+                raise InputError(problem)
+        for name, most in _MOST.items():
+            if not getattr(self, name) <= most:
+                raise InputError(
+                    f"trial setting {name} is {getattr(self, name)}; it must be at most {most:g}"
+                )
         if self.lift_ramp_s >= self.lift_s:
             raise InputError(f"lift_ramp_s ({self.lift_ramp_s}) must be below lift_s")
         if self.solref[0] < 2 * self.timestep:
