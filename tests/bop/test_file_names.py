@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from graspcast.bop.file_names import belongs_to, datasets_in
+from graspcast.bop.file_names import belongs_to, datasets_in, swapped_names
 from graspcast.errors import InputError, MismatchError
 
 UUID = "_7c9f443f-b900-41bb-af01-09b8eddfc2c4"
@@ -91,3 +93,13 @@ def test_what_no_name_decides_is_asked() -> None:
     with pytest.raises(InputError, match="of which dataset"):
         belongs_to("results.csv", [])
     assert belongs_to("results.csv", ["kit"]) == ("kit", False)
+
+
+def test_a_file_named_after_another_estimator_is_told() -> None:
+    a, b = Path("a_kit-test.csv"), Path("b_kit-test.csv")
+    assert swapped_names([("a", a), ("b", b), ("c", Path("best_kit-test.csv"))]) == []
+    assert swapped_names([("a", Path("b.csv")), ("b", b)]) == [], "that states no method"
+    assert swapped_names([("a", b), ("b", a)]) == [
+        "Warning: b_kit-test.csv, named after b, is given as estimates by a",
+        "Warning: a_kit-test.csv, named after a, is given as estimates by b",
+    ]

@@ -42,7 +42,7 @@ def test_poses_that_cannot_be_are_counted_by_their_most_common_fault() -> None:
     poses[5, :3, 3] = 0
     said = refused("a", results_of(poses), pose_problems(poses))
     assert said.startswith("5 of 8 poses by a cannot be: one lies behind the camera (z = -")
-    assert said.endswith("so do 3 of 8 poses: are they obj_T_cam instead of cam_T_obj?")
+    assert said.endswith("; 3 of 8 poses lie behind it: are they obj_T_cam instead of cam_T_obj?")
 
 
 def test_another_convention_is_refused() -> None:

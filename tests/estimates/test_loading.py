@@ -197,3 +197,16 @@ def test_objects_and_scenes_that_the_dataset_lacks_are_named(dataset: BopDataset
     inputs = load_inputs([("a", stated)], bop=bop, lenient=True)
     assert inputs.objects == {"made-1"}
     assert inputs.notes == [f"{stated}: dropped 3 rows (object without a model)"]
+
+
+def test_no_file_of_another_dataset_is_read_leniently(dataset: BopDataset) -> None:
+    """Its name states this dataset, but neither the scenes nor all objects are of it."""
+    ((_, path),) = write(dataset, "a")
+    found = estimates_of(dataset, 0)
+    other = replace(found, obj_id=np.where(found.obj_id == 1, 77, found.obj_id))
+    write_results(path, other)
+    inputs = load_inputs([("a", path)], bop=[(None, dataset.root)], lenient=True)
+    assert "object without a model" in " ".join(inputs.notes)
+    write_results(path, replace(other, scene_id=other.scene_id + 100))
+    with pytest.raises(MismatchError, match=r"neither its scenes .* nor its objects 77 are in"):
+        load_inputs([("a", path)], bop=[(None, dataset.root)], lenient=True)

@@ -9,13 +9,13 @@ in several ways.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from os import PathLike
 from pathlib import Path
 
 from graspcast.errors import InputError, MismatchError
 
-__all__ = ["belongs_to", "datasets_in"]
+__all__ = ["belongs_to", "datasets_in", "swapped_names"]
 
 _SPLIT = re.compile(r"-(?:train|val|test|onboarding)(?![A-Za-z])", re.IGNORECASE)
 _OTHER_SPLIT = re.compile(r"-(?=[A-Za-z])")
@@ -117,3 +117,20 @@ def belongs_to(path: str | PathLike[str], datasets: Collection[str]) -> tuple[st
         f"{path}: of which dataset, {' or '.join(datasets)}? N{rename[1:]}",
         parameters=("estimates",),
     )
+
+
+def swapped_names(files: Sequence[tuple[str, Path]]) -> list[str]:
+    """Return a warning for each estimator whose file is named after another of the estimators.
+
+    Parameters
+    ----------
+    files
+        Estimators' names and their files, which are not read.
+    """
+    names = {name for name, _ in files}
+    methods = [(name, path, path.stem.partition("_")[0]) for name, path in files]
+    return [
+        f"Warning: {path}, named after {method}, is given as estimates by {name}"
+        for name, path, method in methods
+        if method != name and method in names and "_" in path.stem
+    ]

@@ -105,12 +105,12 @@ class ParsedRows:
     lenient: bool
     bad: int = 0
 
-    def reject(self, i: int, problem: str) -> None:
-        """Count a bad row, or raise a FormatError that names it."""
+    def reject(self, i: int, problem: str, parameter: str = "lenient") -> None:
+        """Count a bad row, or raise a FormatError that names it, and the parameter to mend it."""
         self.bad += 1
         if not self.lenient:
             where = f"{self.unit} {self.place[i]}"
-            raise FormatError(self.source, problem, where=where, parameters=("lenient",))
+            raise FormatError(self.source, problem, where=where, parameters=(parameter,))
 
 
 def parse_rows(
@@ -197,7 +197,9 @@ def checked_rows(parsed: ParsedRows, *, placeholders: bool) -> dict[str, Any]:
     hint = behind_hint(len(behind), int((keep & ~is_at_centre).sum()))
     for i in behind:
         z = f"t_z is {translation_mm[i, 2]:g} mm"
-        parsed.reject(i, f"the object is behind the camera ({z}){hint}")
+        # In another convention, leaving out some rows makes the others no better.
+        parameter = "estimates" if hint else "lenient"
+        parsed.reject(i, f"the object is behind the camera ({z}){hint}", parameter)
         keep[i] = False
     keys = np.stack([columns[name] for name in COLUMNS[:3]], axis=1)
     seen: dict[tuple[object, ...], int] = {}

@@ -86,7 +86,10 @@ def progress_bar(text: str) -> Iterator[Move]:
     from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 
     columns = (*Progress.get_default_columns()[:-1], TimeRemainingColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    # Where the bar is not drawn, rich would leave an empty line instead.
+    off = not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=off) as bar:
         task = bar.add_task(text, total=1.0)
 
         def move(share: float, message: str = text) -> None:

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.bop.dataset import BopDataset
-from graspcast.bop.file_names import belongs_to
+from graspcast.bop.file_names import belongs_to, swapped_names
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results, read_results
 from graspcast.errors import (
@@ -206,6 +206,7 @@ def load_inputs(
     files = [(name, Path(given), *belongs_to(given, datasets)) for name, given in pairs]
     wanted.check_datasets(dict.fromkeys(of for _, _, of, _ in files))
     out = Inputs(datasets, {})
+    out.notes.extend(swapped_names([(name, path) for name, path, _, _ in files]))
     tables: dict[str, dict[str, Results]] = {}
     for name, path, of, stated in files:
         mine = tables.setdefault(of, {})

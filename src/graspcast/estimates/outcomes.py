@@ -159,7 +159,10 @@ def _check_repeated(frame: pl.DataFrame, source: str | PathLike[str]) -> None:
     keys = frame.select(TRIAL_COLUMNS).with_columns(pl.col("est_id").fill_null(0))
     twice = frame.filter(keys.is_duplicated())
     if len(twice):
-        hint = "; a column est_id tells several instances apart"
+        hint = (
+            "; leave one row of each trial, or, where images show an object several times, add a "
+            "column est_id"
+        )
         raise FormatError(
             source,
             f"{len(twice)} rows share their trial with another: {_described(twice)}"

@@ -150,12 +150,23 @@ def known_objects(table: Results, dataset: BopDataset, *, lenient: bool) -> Resu
     ------
     FormatError
         For an object without a model, naming all of them; if lenient, only if no row is left.
+    MismatchError
+        If lenient, and the dataset has none of the scenes either: these are estimates of another
+        one, and what is left of them are other objects with the same numbers.
     """
     info = dataset.models.info
     known = np.isin(table.obj_id, list(info))
     if known.all():
         return table
     if lenient and known.any():
+        unknown_scenes, scenes = _unknown_scenes(table, dataset)
+        if scenes and unknown_scenes == set(table.scene_id.tolist()):
+            raise MismatchError(
+                f"{table.source}: neither its scenes ({listed(unknown_scenes)}) nor its objects "
+                f"{listed(table.obj_id[~known].tolist())} are in {dataset.root}; these are "
+                "estimates of another dataset, whatever the file's name says",
+                parameters=("bop", "estimates"),
+            )
         count = {"object without a model": int((~known).sum())}
         return replace(table.select(known), dropped={**table.dropped, **count})
     unknown = np.unique(table.obj_id[~known]).tolist()
@@ -194,21 +205,26 @@ def check_scenes(table: Results, dataset: BopDataset, *, stated: bool) -> str | 
     MismatchError
         If the dataset has none of the scenes and the file's name does not say that they are of it.
     """
-    if not dataset.scenes.is_dir():
-        return None
-    folders = [p.name for p in dataset.scenes.iterdir() if p.name.isdecimal() and p.is_dir()]
-    known = {int(name) for name in folders}
-    scenes = set(table.scene_id.tolist())
-    if not known or not (unknown := scenes - known):
+    unknown, known = _unknown_scenes(table, dataset)
+    if not known or not unknown:
         return None
     text = (
         f"{table.source}: has estimates of scenes {listed(unknown)}, which are not in "
         f"{dataset.scenes} (it has {listed(known)})"
     )
-    if stated or unknown != scenes:
+    if stated or unknown != set(table.scene_id.tolist()):
         return text
     raise MismatchError(
         f"{text}; are they of another dataset or split? If they are of {dataset.name}, name the "
         f"file METHOD_{dataset.name}-SPLIT.csv",
         parameters=("bop", "ground_truth", "estimates"),
     )
+
+
+def _unknown_scenes(table: Results, dataset: BopDataset) -> tuple[set[int], set[int]]:
+    """Return the scenes of estimates that a dataset lacks, and those that it has."""
+    if not dataset.scenes.is_dir():
+        return set(), set()
+    folders = [p.name for p in dataset.scenes.iterdir() if p.name.isdecimal() and p.is_dir()]
+    known = {int(name) for name in folders}
+    return set(table.scene_id.tolist()) - known, known

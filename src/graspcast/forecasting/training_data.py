@@ -21,6 +21,7 @@ from graspcast.estimates.outcomes import (
     read_error_outcomes,
     success_of_each,
 )
+from graspcast.estimates.selection import listed
 from graspcast.io.arguments import NAME, PATH, a, checked, refuse_unless, sequence
 
 __all__ = ["SimulatedTrials", "TrainingData"]
@@ -183,8 +184,11 @@ class TrainingData:
             truth = np.full((len(estimates), 4, 4), np.nan)
         data = cls(estimates, principal, gripper, truth, success, simulated, errors)
         if outcomes is not None and not data.is_tried.any():
-            known = outcomes.select("estimator", "dataset").unique().sort("estimator", "dataset")
-            pairs = ", ".join(f"{e} on {d}" for e, d in known.rows())
+            groups = outcomes.group_by("estimator", "dataset").agg("obj_id", "scene_id")
+            pairs = ", ".join(
+                f"{e} on {d} (objects {listed(numbers)}, scenes {listed(scenes)})"
+                for e, d, numbers, scenes in groups.sort("estimator", "dataset").rows()
+            )
             raise MismatchError(
                 f"{data._untried}; there are outcomes of {pairs or 'nothing'}",
                 parameters=("outcomes", "principal"),

@@ -282,4 +282,4 @@ def behind_hint(behind: int, total: int) -> str:
     if total < MIN_INSTANCES or behind < 0.2 * total:
         return ""
     question = CONVENTIONS[4 if behind > 0.95 * total else 0].question
-    return f"; so do {behind} of {total} poses: {question}"
+    return f"; {behind} of {total} poses lie behind it: {question}"

@@ -50,7 +50,9 @@ def rest_pose(
     """
     length = float(np.linalg.norm(up))
     if not (np.isfinite(length) and length > 0):
-        raise InputError(f"{what}: its direction up = {list(up)} is zero or not finite")
+        raise InputError(
+            f"{what}: its direction up = {np.asarray(up).tolist()} is zero or not finite"
+        )
     ups, heights = stable_ups(pieces, centroid)
     tilt = np.arccos(np.clip(ups @ (np.asarray(up) / length), -1, 1))
     near = tilt <= LARGEST_TILT_RAD
