@@ -81,6 +81,7 @@ def made_up_models(folder: Path, rng: np.random.Generator) -> Models:
     info = {}
     for number in range(1, 5):
         points = rng.uniform(-50, 50, size=(8000, 3)).astype("<f4")
+        points[:2] = [[-50], [50]]  # corners, so that the diameter is that of the cube
         header = "ply\nformat binary_little_endian 1.0\nelement vertex 8000\n"
         header += "".join(f"property float {a}\n" for a in "xyz") + "end_header\n"
         (folder / f"obj_{number:06d}.ply").write_bytes(header.encode() + points.tobytes())

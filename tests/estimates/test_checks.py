@@ -24,6 +24,11 @@ def test_one_pose_of_two_names_is_found_for_each_instance() -> None:
     other[1] = poses[1]
     assert [bool(text) for text in copied("ab", np.stack([poses, other]))] == [False, True, False]
     refuse_copies("ab", np.stack([poses, other]))
+    for near in (poses.astype(np.float32).astype(float), np.round(poses, 7), poses + 1e-15):
+        assert all(copied("ab", np.stack([poses, near])))
+        with pytest.raises(InputError, match="b has the same pose as a"):
+            refuse_copies("ab", np.stack([poses, near]))
+    assert not any(copied("ab", np.stack([poses, nudged(poses, 1, metres=1e-3, radians=1e-3)])))
     with pytest.raises(InputError, match="b has the same pose as a in each of 3 instances"):
         refuse_copies("ab", np.stack([poses, poses.copy()]))
 

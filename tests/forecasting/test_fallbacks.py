@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -52,7 +53,9 @@ def test_the_model_with_the_most_supporters_that_are_there_answers(
                     models.predict(given, "d-1")
                 continue
             expected = forecasters[fits[0]].predict(given, "d-1")
-            assert models.predict(given, "d-1") == expected
+            by = f"; with {', '.join(fits[0][1:])}" if len(fits) > 1 else ""
+            found = models.predict(given, "d-1")
+            assert found == replace(expected, reason=expected.reason + by)
             assert [f.card.supporters for f in models.usable(given)] == [
                 forecasters[n].card.supporters for n in fits
             ]
@@ -68,7 +71,23 @@ def test_a_pose_that_is_not_finite_is_missing(
     broken[1, 3] = hole
     without = {name: pose for name, pose in poses.items() if name != "c"}
     found = models.predict(poses | {"c": broken}, "d-1", threshold=0.2)
-    assert found == forecasters["ab"].predict(without, "d-1", threshold=0.2)
+    expected = forecasters["ab"].predict(without, "d-1", threshold=0.2)
+    assert found == replace(expected, reason=f"{expected.reason}; with b")
+
+
+@pytest.mark.parametrize("change", ["none", "behind", "copy"])
+def test_a_pose_that_is_not_sane_is_none_and_if_all_models_lack_one_the_verdict_is_to_abstain(
+    forecasters: dict[str, Forecaster], change: str
+) -> None:
+    models = Fallbacks([forecasters["abc"], forecasters["ab"]])
+    poses = instance()
+    behind = np.diag([1.0, -1, -1, 1]) @ poses["c"]
+    bad = {"none": None, "behind": behind, "copy": poses["a"]}[change]
+    found = models.predict(poses | {"c": bad}, "d-1", threshold=0.0)
+    assert found.probability == forecasters["ab"].predict(poses, "d-1").probability
+    assert found.reason.endswith("; with b")
+    found = models.predict(poses | {"b": bad, "c": bad}, "d-1", threshold=0.0)
+    assert (found.attempt, found.probability) == (False, None)
 
 
 def test_what_is_missing_is_named_and_nothing_is_guessed(

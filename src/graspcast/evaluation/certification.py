@@ -72,8 +72,9 @@ def certify_forecaster(
     models
         Dataset's name to its object models, if the forecaster needs them.
     ood_alpha
-        Verdicts abstain where a disagreement is out of distribution at this level, so these
-        instances are not attempts.
+        Verdicts abstain where a disagreement is out of distribution at this level. What they
+        abstain from at every threshold, as also where poses are not sane or objects unknown, is no
+        attempt.
     per_object
         Certify each object too.
     sequence_share
@@ -93,7 +94,8 @@ def certify_forecaster(
     Raises
     ------
     MismatchError
-        If the forecaster was trained on some of the scenes, or needs other estimators or objects.
+        If the forecaster was trained on some of the scenes, or needs other estimators, or knows
+        none of the objects.
     InputError
         As :func:`graspcast.certify`, or if ``sequence_share`` leaves no units on one side.
     """
@@ -101,11 +103,9 @@ def certify_forecaster(
     data = data.tried()
     success = data.own_success == 1
     training_scenes = _training_scenes(card, data, allow_training_scenes)
-    probability = forecaster.probability(data.estimates, models)
-    novel = [
-        given.is_novel(ood_alpha) is True for given in forecaster.disagreements(data.estimates)
-    ]
-    probability[np.array(novel, dtype=bool)] = 0.0
+    # The verdicts decide what can be an attempt.
+    verdicts = forecaster.verdicts(data.estimates, models, threshold=0.0, ood_alpha=ood_alpha)
+    probability = np.array([(v.probability or 0.0) if v.attempt else 0.0 for v in verdicts])
     units = unit_names(data.estimates.instances, unit)
     target: dict[str, Any] = {"rate": rate, "confidence": confidence, "weight": weight}
     sequence, kept = _sequence(

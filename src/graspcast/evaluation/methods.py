@@ -41,6 +41,11 @@ def success_rates(task: Task) -> Float[ndarray, " n"]:
     return np.array([known.get(str(name), every) for name in task.test.objects])
 
 
+def _or_never(probability: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
+    """Take what has no forecast, which verdicts abstain from, as never attempted."""
+    return np.nan_to_num(probability, nan=0.0)
+
+
 @dataclass(frozen=True)
 class Majority:
     """Success rate of the object in training (of all, for an unknown object)."""
@@ -61,7 +66,7 @@ class Threshold:
     def __call__(self, task: Task) -> Float[ndarray, " n"]:
         """Forecast the test instances of a task."""
         forecaster = fit_forecaster(task.train, method="threshold", models=task.models)
-        return forecaster.probability(task.test, task.models, unseen_objects=True)
+        return _or_never(forecaster.probability(task.test, task.models, unseen_objects=True))
 
 
 @dataclass(frozen=True)
@@ -92,7 +97,8 @@ class PaperNetworks:
             )
             method = "MLP-O" if self.pools_objects else "MLP"
             forecaster = fit_forecaster(task.train, method=method, settings=settings)
-            out[asked] = forecaster.probability(task.test.select(asked), unseen_objects=True)
+            test = task.test.select(asked)
+            out[asked] = _or_never(forecaster.probability(test, unseen_objects=True))
         return out
 
 
@@ -164,9 +170,8 @@ class Forests:
         out = success_rates(task)
         asked = np.isin(task.test.objects, forecaster.card.objects) | (method != "two-stage")
         if asked.any():
-            out[asked] = forecaster.probability(
-                task.test.select(asked), task.models, unseen_objects=True
-            )
+            test = task.test.select(asked)
+            out[asked] = _or_never(forecaster.probability(test, task.models, unseen_objects=True))
         return out
 
 

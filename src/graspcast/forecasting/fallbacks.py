@@ -11,7 +11,6 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -24,7 +23,6 @@ from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import Verdict, VerdictRow, verdict_rows
 from graspcast.guarantees.certificate import Certificate
 from graspcast.io.arguments import NAMED, a, refuse_unless, sequence
-from graspcast.pose.sanity import is_placeholder
 
 __all__ = ["Fallbacks", "certificate_of"]
 
@@ -141,8 +139,7 @@ class Fallbacks:
                 explain=explain,
             )
             if len(usable) > 1:
-                by = f"; with {', '.join(card.supporters)}"
-                verdicts = [replace(given, reason=given.reason + by) for given in verdicts]
+                verdicts = [_with_names(given, forecaster) for given in verdicts]
             who = {"principal": card.principal, "gripper": card.gripper}
             for row in verdict_rows(estimates, verdicts, **who):
                 if row.key not in rows or rows[row.key].verdict.probability is None:
@@ -151,35 +148,39 @@ class Fallbacks:
 
     def predict(
         self,
-        poses: Mapping[str, Float[ndarray, "4 4"]],
+        poses: Mapping[str, Float[ndarray, "4 4"] | None],
         object_name: str,
         *,
         models: Mapping[str, Models] | None = None,
         **options: Any,
     ) -> Verdict:
-        """Return the verdict on one instance by the first model that lacks no pose.
+        """Return the verdict on one instance by the first model that has all its poses.
 
-        As :meth:`graspcast.Forecaster.predict`; a pose that is not finite counts as missing.
+        As :meth:`graspcast.Forecaster.predict`: a pose that is None or not sane is none. If every
+        model lacks one, the verdict is to abstain.
 
         Raises
         ------
         MismatchError
-            If every model lacks one.
+            If every model needs an estimator that is not named, or knows other objects.
         """
         refuse_unless(NAMED, poses, "Fallbacks.predict", "poses")
-        found = {name: pose for name, pose in poses.items() if not _is_missing(pose)}
-        forecaster = self.usable(found)[0]
-        return forecaster.predict(found, object_name, models=models, **options)
+        usable = self.usable(poses)
+        knowing = [f for f in usable if object_name in f.card.objects] or usable[:1]
+        for forecaster in knowing:
+            verdict = forecaster.predict(poses, object_name, models=models, **options)
+            if len(usable) > 1:
+                verdict = _with_names(verdict, forecaster)
+            if verdict.probability is not None:
+                break
+        return verdict
 
 
-def _is_missing(pose: Any) -> bool:
-    """Test whether a pose is none, a placeholder or not finite; others are judged later."""
-    try:
-        numbers = np.asarray(pose, dtype=np.float64)
-    except Exception:
-        return pose is None
-    whole = numbers.shape == (4, 4)
-    return not np.isfinite(numbers).all() or (whole and bool(is_placeholder(numbers)))
+def _with_names(verdict: Verdict, forecaster: Forecaster) -> Verdict:
+    """Say which supporters a verdict uses."""
+    return replace(
+        verdict, reason=f"{verdict.reason}; with {', '.join(forecaster.card.supporters)}"
+    )
 
 
 def certificate_of(

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import repeat
 from os import PathLike
 from typing import Any
@@ -15,16 +14,19 @@ from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
-from graspcast.errors import MismatchError
 from graspcast.estimates.alignment import Estimates, align
 from graspcast.forecasting.attribution import attributions
 from graspcast.forecasting.features import Features, features_of
 from graspcast.forecasting.model_card import ModelCard
 from graspcast.forecasting.model_file import read_model, write_model
 from graspcast.forecasting.models.base import Predictor
-from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.forecasting.novelty import OOD_ALPHA, Disagreement, Novelty
-from graspcast.forecasting.pose_checks import ARGUMENTS, estimate_problems, estimates_of_one
+from graspcast.forecasting.pose_checks import (
+    ARGUMENTS,
+    estimate_problems,
+    estimates_of_one,
+    sane_of,
+)
 from graspcast.forecasting.verdict import (
     Verdict,
     VerdictRow,
@@ -88,37 +90,60 @@ class Forecaster:
         unseen_objects
             Also forecast objects that are not in training, if the method can.
 
+        Returns
+        -------
+            NaN where there is no forecast: the pose by some estimator is not sane
+            (:mod:`graspcast.pose.sanity`), or two are given one and the same pose.
+
         Raises
         ------
         MismatchError
-            For other estimators or objects than it was trained for.
+            For other estimators or objects than it was trained for, or objects of other sizes.
         """
-        found, numbers = self._inputs(estimates, models, unseen_objects)
-        return self.predictor.probability(found.values, numbers)
+        problems = self._pose_problems(estimates, models)
+        if not any(problems):
+            found, numbers = self._inputs(estimates, models, unseen_objects)
+            return self.predictor.probability(found.values, numbers)
+        self.card.numbers_of(estimates.objects.tolist(), unseen_objects)
+        sane = sane_of(problems)
+        out = np.full(len(estimates), np.nan)
+        if sane.any():
+            found, numbers = self._inputs(estimates.select(sane), models, unseen_objects)
+            out[sane] = self.predictor.probability(found.values, numbers)
+        return out
 
     def p_value(self, estimates: Estimates) -> Float[ndarray, " n"]:
         """Compute the novelty p-value of every instance (:mod:`graspcast.forecasting.novelty`).
 
         Small means novel: of instances of scenes like those in training, at most a share ``a`` has
-        a p-value of ``a`` or less.
+        a p-value of ``a`` or less. NaN where :meth:`probability` is.
 
         Raises
         ------
         MismatchError
             For other estimators than it was trained for.
         """
-        self._check_estimators(estimates.estimators)
-        return self.novelty.p_value(estimates, self.card.principal, self.card.supporters)
+        return np.array([given.p_value for given in self.disagreements(estimates)], np.float64)
 
     def disagreements(self, estimates: Estimates) -> list[Disagreement]:
         """Assess how unusual the estimators' disagreement on every instance is.
 
+        Where the pose by some estimator is not sane, it is novel, with the reason in ``excess``.
+
         Raises
         ------
         MismatchError
             For other estimators than it was trained for.
         """
-        self._check_estimators(estimates.estimators)
+        problems = self._pose_problems(estimates, None)
+        if not any(problems):
+            return self._disagreements(estimates)
+        sane = sane_of(problems)
+        found = iter(self._disagreements(estimates.select(sane)) if sane.any() else [])
+        smallest = self.novelty.smallest_p_value
+        return [Disagreement(np.nan, smallest, why) if why else next(found) for why in problems]
+
+    def _disagreements(self, estimates: Estimates) -> list[Disagreement]:
         card = self.card
         diameter_m = card.diameters_of(estimates.objects)
         return self.novelty.assess(estimates, card.principal, card.supporters, diameter_m)
@@ -129,14 +154,21 @@ class Forecaster:
         """Attribute every forecast to groups of features, the largest magnitude first.
 
         The attribution of a group (for example one supporter's rotation) is the forecast less the
-        forecast with the group set to its medians in training.
+        forecast with the group set to its medians in training. There is none where
+        :meth:`probability` is NaN.
 
         Raises
         ------
         MismatchError
             As :meth:`probability`.
         """
-        return attributions(self.predictor, *self._inputs(estimates, models), self.typical)
+        problems = self._pose_problems(estimates, models)
+        self.card.numbers_of(estimates.objects.tolist())
+        if not (sane := sane_of(problems)).any():
+            return [() for _ in problems]
+        inputs = self._inputs(estimates.select(sane), models)
+        found = iter(attributions(self.predictor, *inputs, self.typical))
+        return [() if why else next(found) for why in problems]
 
     def verdicts(
         self,
@@ -170,30 +202,37 @@ class Forecaster:
         Raises
         ------
         MismatchError
-            For other estimators than it was trained for, or if it was trained for none of the
-            objects.
+            For other estimators than it was trained for, if it was trained for none of the
+            objects, or if objects have other sizes than in training.
         """
         problems = self._problems(estimates, models)
         options: dict[str, Any] = {"threshold": threshold, "guarantee": guarantee}
         options |= {"ood_alpha": ood_alpha, "explain": explain}
         if not any(problems):
             return self._decide(estimates, models, **options)
-        sane = np.array([not problem for problem in problems], dtype=bool)
+        sane = sane_of(problems)
         decided = self._decide(estimates.select(sane), models, **options) if sane.any() else []
         found = iter(decided)
         return [Verdict(False, None, why) if why else next(found) for why in problems]
 
     def _problems(self, estimates: Estimates, models: Mapping[str, Models] | None) -> list[str]:
         """Say for each instance why there is no forecast, or nothing."""
-        self._check_estimators(estimates.estimators)
+        self.card.check_estimators(estimates.estimators)
         known = set(self.card.objects)
         if not known.intersection(estimates.objects.tolist()):
-            self._object_numbers(estimates.objects.tolist())
-        problems = estimate_problems(estimates.only(*self.card.estimators), models)
+            self.card.numbers_of(estimates.objects.tolist())
+        problems = self._pose_problems(estimates, models)
         return [
             why if name in known else f"the model was not trained for {name}"
             for name, why in zip(estimates.objects.tolist(), problems, strict=True)
         ]
+
+    def _pose_problems(
+        self, estimates: Estimates, models: Mapping[str, Models] | None
+    ) -> list[str]:
+        """Say for each instance which poses are not sane, or copies, or nothing."""
+        self.card.check_estimators(estimates.estimators)
+        return estimate_problems(estimates.only(*self.card.estimators), models, self.card)
 
     def _decide(
         self,
@@ -221,7 +260,7 @@ class Forecaster:
             )
             for p, given, why in zip(
                 self.predictor.probability(found.values, numbers).tolist(),
-                self.disagreements(estimates),
+                self._disagreements(estimates),
                 attribution,
                 strict=True,
             )
@@ -242,9 +281,9 @@ class Forecaster:
         Parameters
         ----------
         poses
-            Estimator's name to its ``cam_T_obj``, metres; None or a pose at the camera's centre
-            where it found nothing: the verdict is to abstain. So it is where two estimators are
-            given one and the same pose.
+            Estimator's name to its ``cam_T_obj``, metres; None where it found nothing. Where one is
+            None or not sane (:mod:`graspcast.pose.sanity`), or two estimators are given one and the
+            same pose, the verdict is to abstain, as by :meth:`verdicts`.
         object_name
             ``dataset-number``, as in ``lmo-1``.
         threshold
@@ -257,17 +296,18 @@ class Forecaster:
         Raises
         ------
         MismatchError
-            For other estimators or objects than it was trained for.
+            For other estimators or objects than it was trained for, or an object of another size.
         InputError
-            For a pose that no object in front of a camera can have, or a threshold outside [0, 1].
+            For what is not a 4x4 matrix of numbers, or a threshold outside [0, 1].
         """
         check_threshold(threshold)
-        self._check_estimators(poses)
-        self._object_numbers([object_name])
+        self.card.check_estimators(poses)
+        self.card.numbers_of([object_name])
         mine = {name: poses[name] for name in self.card.estimators}
-        estimates, reason = estimates_of_one(mine, object_name, models)
-        if reason:
-            return Verdict(False, None, reason)
+        estimates = estimates_of_one(mine, object_name)
+        (problem,) = estimate_problems(estimates, models, self.card)
+        if problem:
+            return Verdict(False, None, problem)
         (verdict,) = self._decide(
             estimates,
             models,
@@ -302,8 +342,8 @@ class Forecaster:
 
         Returns
         -------
-            One row for each estimate of the principal's, ordered by instance. Where a supporter
-            found nothing the verdict is to abstain.
+            One row for each sane estimate of the principal's, ordered by instance. Where a
+            supporter found nothing, or its pose is not sane, the verdict is to abstain.
 
         Raises
         ------
@@ -313,7 +353,7 @@ class Forecaster:
             For a threshold outside [0, 1].
         """
         check_threshold(threshold)
-        self._check_estimators(results)
+        self.card.check_estimators(results)
         card = self.card
         mine = {name: results[name] for name in card.estimators}
         who = {"dataset": dataset, "anchor": card.principal}
@@ -330,34 +370,10 @@ class Forecaster:
     ) -> tuple[Features, ndarray]:
         """Compute the inputs of the model: each instance's features and object number."""
         card = self.card
-        self._check_estimators(estimates.estimators)
+        self.card.check_estimators(estimates.estimators)
         mine = estimates.only(*card.estimators)
         found = features_of(mine, card.principal, card.features, models)
-        return found, self._object_numbers(estimates.objects.tolist(), unseen)
-
-    def _check_estimators(self, given: Collection[str]) -> None:
-        card = self.card
-        if lacking := card.lacking(given):
-            raise MismatchError(
-                f"this model needs estimates by {card.principal} (principal) and "
-                f"{', '.join(card.supporters)}, but there are none by {', '.join(lacking)}; "
-                f"given: {', '.join(given) or 'none'}",
-                parameters=("estimates",),
-            )
-
-    @cached_property
-    def _number(self) -> dict[str, int]:
-        return {name: i for i, name in enumerate(self.card.objects)}
-
-    def _object_numbers(self, names: Sequence[str], unseen: bool = False) -> ndarray:
-        number = self._number
-        if not unseen and (unknown := sorted(set(names).difference(number))):
-            raise MismatchError(
-                f"this model was not trained for {', '.join(unknown)}; it knows "
-                f"{', '.join(self.card.objects)}",
-                parameters=("objects", "model"),
-            )
-        return np.array([number.get(name, UNSEEN) for name in names], dtype=np.int64)
+        return found, self.card.numbers_of(estimates.objects.tolist(), unseen)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write one npz file of arrays and JSON, without pickle, with a digest."""

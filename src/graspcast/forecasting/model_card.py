@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
+from graspcast.errors import MismatchError
 from graspcast.estimates.alignment import Estimates
+from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.io.hashing import canonical_json, sha256
 
 __all__ = ["ModelCard", "digest_of"]
@@ -81,6 +84,43 @@ class ModelCard:
     def lacking(self, given: Collection[str]) -> list[str]:
         """Return the needed estimators that are not given."""
         return [name for name in self.estimators if name not in given]
+
+    def check_estimators(self, given: Collection[str]) -> None:
+        """Raise if a needed estimator is not given.
+
+        Raises
+        ------
+        MismatchError
+            Naming what is needed, lacking and given.
+        """
+        if lacking := self.lacking(given):
+            raise MismatchError(
+                f"this model needs estimates by {self.principal} (principal) and "
+                f"{', '.join(self.supporters)}, but there are none by {', '.join(lacking)}; "
+                f"given: {', '.join(given) or 'none'}",
+                parameters=("estimates",),
+            )
+
+    def numbers_of(self, names: Sequence[str], unseen: bool = False) -> Int[ndarray, " n"]:
+        """Return the number of each named object, in the order of training.
+
+        Raises
+        ------
+        MismatchError
+            For objects that are not in training, unless unseen ones are allowed.
+        """
+        number = self._number
+        if not unseen and (unknown := sorted(set(names).difference(number))):
+            raise MismatchError(
+                f"this model was not trained for {', '.join(unknown)}; it knows "
+                f"{', '.join(self.objects)}",
+                parameters=("objects", "model"),
+            )
+        return np.array([number.get(name, UNSEEN) for name in names], dtype=np.int64)
+
+    @cached_property
+    def _number(self) -> dict[str, int]:
+        return {name: i for i, name in enumerate(self.objects)}
 
     def diameters_of(self, objects: ndarray) -> Float[ndarray, " n"]:
         """Return the diameters of named objects, metres, NaN where unknown, (n,)."""

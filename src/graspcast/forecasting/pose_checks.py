@@ -6,20 +6,33 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
-from graspcast.errors import InputError
+from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.checks import copied, diameters, no_estimate_by
 from graspcast.estimates.instances import InstanceKey, Instances, split_object_name
+from graspcast.forecasting.model_card import ModelCard
 from graspcast.io.arguments import NAME, NAMED, PATH, a, mapping, number
+from graspcast.pose.lengths import shown
 from graspcast.pose.sanity import is_placeholder, pose_problems
 
-__all__ = ["ARGUMENTS", "estimate_problems", "estimates_of_one", "refuse_most"]
+__all__ = [
+    "ARGUMENTS",
+    "SIZE_TOLERANCE",
+    "estimate_problems",
+    "estimates_of_one",
+    "refuse_most",
+    "sane_of",
+    "sizes_of",
+]
 
+
+SIZE_TOLERANCE = 0.1
+"""Share by which an object's diameter may differ from that in training."""
 
 ARGUMENTS = {
     "estimates": a(Estimates),
@@ -35,28 +48,67 @@ ARGUMENTS = {
 """The kinds of what a forecaster's methods take."""
 
 
-def estimate_problems(estimates: Estimates, models: Mapping[str, Models] | None) -> list[str]:
-    """Say for each instance which estimators have no sane pose of it, and why, or nothing.
+def sizes_of(
+    estimates: Estimates, models: Mapping[str, Models] | None, card: ModelCard | None = None
+) -> Float[ndarray, " n"]:
+    """Return the diameter of each instance's object, metres, NaN where unknown.
 
     Parameters
     ----------
     estimates
         Poses of n instances.
     models
-        Dataset's name to its object models; with them, distances are held against diameters.
+        Dataset's name to its object models.
+    card
+        A forecaster's card: its diameters serve where no model is given.
+
+    Raises
+    ------
+    MismatchError
+        If an object has another size than in training.
+    """
+    trained = None if card is None else card.diameters_of(estimates.objects)
+    if trained is not None and not models:
+        return trained
+    given = diameters(estimates.dataset.tolist(), estimates.obj_id.tolist(), models)
+    if trained is None:
+        return given
+    other = np.abs(given - trained) > SIZE_TOLERANCE * trained
+    if other.any():
+        i = int(np.argmax(other))
+        raise MismatchError(
+            f"{estimates.objects[i]} is {shown(given[i])} across by its model, but was "
+            f"{shown(trained[i])} in training: these are models of another dataset, or scaled",
+            parameters=("bop", "models"),
+        )
+    return np.where(np.isnan(given), trained, given)
+
+
+def estimate_problems(
+    estimates: Estimates, models: Mapping[str, Models] | None, card: ModelCard | None = None
+) -> list[str]:
+    """Say for each instance which estimators have no sane pose of it, and why, or nothing.
+
+    Parameters
+    ----------
+    estimates
+        Poses of n instances.
+    models, card
+        As for :func:`sizes_of`; distances are held against diameters that are known.
 
     Returns
     -------
         Texts, empty for an instance with sane poses only, (n,).
     """
-    names = estimates.estimators
-    size = diameters(estimates.dataset.tolist(), estimates.obj_id.tolist(), models)
-    found = [pose_problems(estimates.of(name), size) for name in names]
+    names, count = estimates.estimators, len(estimates)
+    size = np.tile(sizes_of(estimates, models, card), len(names))
+    found = pose_problems(estimates.cam_T_obj.reshape(-1, 4, 4), size)
     out = copied(names, estimates.cam_T_obj)
-    if not any(map(any, found)):
+    if not any(found):
         return out
-    for i in range(len(estimates)):
-        said = {name: mine[i] for name, mine in zip(names, found, strict=True) if mine[i]}
+    for i in range(count):
+        said = {name: found[k * count + i] for k, name in enumerate(names)}
+        said = {name: text for name, text in said.items() if text}
         if said:
             for name in said:
                 if is_placeholder(estimates.of(name)[i]):
@@ -85,53 +137,41 @@ def refuse_most(estimates: Estimates, models: Mapping[str, Models] | None) -> No
             )
 
 
+def sane_of(problems: list[str]) -> Bool[ndarray, " n"]:
+    """Return the mask of instances without a problem."""
+    return np.array([not problem for problem in problems], dtype=bool)
+
+
 def estimates_of_one(
-    poses: Mapping[str, Float[ndarray, "4 4"] | None],
-    object_name: str,
-    models: Mapping[str, Models] | None,
-) -> tuple[Estimates, str]:
-    """Return the estimates of one instance, of no image in particular, and why to abstain.
+    poses: Mapping[str, Float[ndarray, "4 4"] | None], object_name: str
+) -> Estimates:
+    """Return the estimates of one instance, of no image in particular.
 
     Parameters
     ----------
     poses
-        Estimator's name to its ``cam_T_obj``, metres; None where it found nothing.
+        Estimator's name to its ``cam_T_obj``, metres; None, where it found nothing, becomes a
+        placeholder.
     object_name
         ``dataset-obj_id``.
-    models
-        As for :func:`estimate_problems`.
-
-    Returns
-    -------
-        The estimates; and why there is no forecast, or an empty text: an estimator found nothing
-        (None or a placeholder), or two are given one and the same pose, which always agrees.
 
     Raises
     ------
     InputError
-        For a pose that no object in front of a camera can have, other than a placeholder.
+        For what is not a 4x4 matrix of numbers.
     """
-    dataset, obj_id = split_object_name(object_name)
     arrays = [np.eye(4) if p is None else _as_matrix(name, p) for name, p in poses.items()]
+    dataset, obj_id = split_object_name(object_name)
     instances = Instances.of([InstanceKey(dataset, 0, 0, obj_id, 0)])
-    stacked = np.stack(arrays)
-    size = np.full(len(stacked), diameters([dataset], [obj_id], models))
-    missing = []
-    for name, pose, problem in zip(poses, stacked, pose_problems(stacked, size), strict=True):
-        if problem and not is_placeholder(pose):
-            raise InputError(f"the pose by {name} {problem}")
-        if problem:
-            missing.append(name)
-    estimates = Estimates(tuple(poses), instances, stacked[:, None])
-    if missing:
-        return estimates, no_estimate_by(missing, {})
-    return estimates, copied(estimates.estimators, estimates.cam_T_obj)[0]
+    return Estimates(tuple(poses), instances, np.stack(arrays)[:, None])
 
 
 def _as_matrix(name: str, pose: Any) -> Float[ndarray, "4 4"]:
     try:
         given = np.asarray(pose)
         out = np.asarray(given, dtype=np.float64) if given.dtype.kind in "fiuO" else np.empty(0)
+        if np.ma.isMaskedArray(pose):  # what is masked is not known
+            out = np.where(np.ma.getmaskarray(pose), np.nan, out)
     except Exception:  # tensors of other libraries raise what they like
         out = np.empty(0)
     if out.shape != (4, 4):
