@@ -174,8 +174,7 @@ def fit_grasp(
     for name, trials in (("train", train), ("validation", validation)):
         if not len(trials):
             raise InputError(
-                f"{grasp_object.name} by {gripper.name}: there are no outcomes in the {name} split;"
-                " "
+                f"{grasp_object.name} by {gripper.name}: no outcomes in the {name} split; "
                 "the search needs some in train and in validation. Without outcomes of real "
                 "trials, write a grasp by hand in a TOML file",
                 parameters=("outcomes",),
