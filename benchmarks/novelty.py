@@ -4,7 +4,8 @@
 
 For each principal of the published data, forecasters are trained on n instances drawn from four
 fifths of the scenes, and asked about the instances of the others: unchanged, and with supporters
-displaced or turned in random directions (one of them; each in its own direction; all alike).
+displaced or turned in random directions (one of them; each in its own direction; all alike; all
+alike with the principal, so that nothing disagrees).
 
 An unchanged instance is gross where a supporter lies 300 mm or more from the principal: such real
 failures cannot be told from displaced ones. A false alarm is a flag on an instance that is not.
@@ -60,6 +61,10 @@ def changed(
                 by = shared if who == "all alike" else directions(rng, n)
                 poses[k, :, :3, 3] += by * mm / 1000
             yield f"{mm} mm, {who}", replace(given, cam_T_obj=poses)
+    for mm in (300, 1000, 2000):
+        poses = given.cam_T_obj.copy()
+        poses[:, :, :3, 3] += directions(rng, n) * mm / 1000
+        yield f"{mm} mm, the principal too", replace(given, cam_T_obj=poses)
     for degrees in TURNS_DEG:
         for who, rows in (("one", [one]), ("each", supporters)):
             poses = given.cam_T_obj.copy()

@@ -189,3 +189,26 @@ def test_arrays_of_other_shapes_are_refused() -> None:
     for name, changed in (("limits", arrays["limits"][:1]), ("precision", np.eye(3))):
         with pytest.raises(ValueError, match="arrays of shapes"):
             Novelty.from_arrays(arrays | {name: changed})
+
+
+def moved_alike(given: Estimates, along: float, aside: float = 0.0) -> Estimates:
+    """The same with all estimators' poses moved alike, so that they agree as before."""
+    poses = given.cam_T_obj.copy()
+    direction = poses[0, :, :3, 3] / np.linalg.norm(poses[0, :, :3, 3], axis=1, keepdims=True)
+    poses[:, :, :3, 3] += along * direction + [aside, 0.0, 0.0]
+    return dataclasses.replace(given, cam_T_obj=poses)
+
+
+def test_estimators_that_are_all_wrong_alike_are_novel_where_nothing_was_in_training() -> None:
+    given = near(60, 0)
+    novelty = Novelty.fit(given, "a", diameters(given))
+    distance = np.linalg.norm(given.of("a")[:, :3, 3], axis=1)
+    for other in (
+        moved_alike(given, 2 * distance.max() + 1),
+        moved_alike(given, 0.0, aside=10 * distance.max()),
+    ):
+        found = novelty.assess(other, "a", SUPPORTERS, diameters(given))
+        assert all(each.is_novel(0.0) for each in found)
+        assert all("a's pose is" in each.excess for each in found)
+    for each in novelty.assess(moved_alike(given, 0.05), "a", SUPPORTERS, diameters(given)):
+        assert "a's pose is" not in each.excess

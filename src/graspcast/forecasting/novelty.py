@@ -14,6 +14,10 @@ training instances. A maximum of few instances is exceeded often, so with n < 2 
 the object apart do not even overlap, and are novel however many training instances are so far
 apart, unless a quarter are.
 
+Estimators that are all wrong alike agree. So the principal's own pose has limits too: its distance
+from half to twice those of the middle 98 % in training, and its angle from the optical axis up to
+twice theirs, or 20 degrees.
+
 References
 ----------
 R. Laxhammar and G. Falkman, *Conformal prediction for distribution-independent anomaly detection in
@@ -50,6 +54,10 @@ _QUANTITIES = (
 _ANGLE = 3
 _LARGEST_SHIFT = 1.0
 """Diameters between two poses that contradict each other, even if training has a few of them."""
+_MIDDLE = (0.01, 0.99)
+"""Quantiles of the training poses' distances and angles; estimators have wild outliers."""
+_ALWAYS_SEEN = np.radians(20.0)
+"""An angle from the optical axis that every camera sees."""
 _OFTEN = 0.75
 """Share of training instances below the quantile that is no contradiction, however large."""
 
@@ -98,12 +106,16 @@ class Novelty:
         Largest disagreement of each supporter with the principal that is not novel: origins across
         and along the principal's viewing ray, over the distance; origins over the object's
         diameter; rotation, radians; (K - 1, 4).
+    view
+        Least and largest distance of the principal's pose from the camera, metres, and largest
+        angle from the optical axis, radians, that are not novel, (3,).
     """
 
     centre: Float[ndarray, " d"]
     precision: Float[ndarray, "d d"]
     scores: Float[ndarray, " m"]
     limits: Float[ndarray, "s 4"]
+    view: Float[ndarray, "3"]
 
     @classmethod
     def fit(
@@ -139,7 +151,11 @@ class Novelty:
         limits = np.fmax.reduce(sizes, axis=0) * max(1.0, 2 / (OOD_ALPHA * len(rows)))
         often = np.nan_to_num(np.quantile(sizes[:, :, 2], _OFTEN, axis=0), nan=0.0)
         limits[:, 2] = np.fmin(limits[:, 2], np.maximum(_LARGEST_SHIFT, often))
-        return cls(*_shape(rows), np.sort(scores), limits)
+        distance, angle = _view(estimates.of(principal))
+        nearest, farthest = np.quantile(distance, _MIDDLE)
+        widest = max(2 * np.quantile(angle, _MIDDLE[1]), _ALWAYS_SEEN)
+        view = np.array([nearest / 2, farthest * 2, widest])
+        return cls(*_shape(rows), np.sort(scores), limits, view)
 
     @property
     def smallest_p_value(self) -> float:
@@ -178,6 +194,16 @@ class Novelty:
                 size, limit = np.degrees([size, limit])
             said = f"{supporters[s]} is {_QUANTITIES[k].format(size)} {principal}"
             out[i] = Disagreement(values[i], smallest, f"{said}; the limit is {limit:.3g}")
+        distance, angle = _view(estimates.of(principal))
+        near, far, wide = self.view
+        elsewhere = (distance < near) | (distance > far) | (angle > wide)
+        for i in np.flatnonzero(elsewhere).tolist():
+            said = (
+                f"{principal}'s pose is {distance[i]:.2f} m away, {np.degrees(angle[i]):.0f} "
+                f"degrees off the optical axis; training allows {near:.2f} to {far:.2f} m and "
+                f"{np.degrees(wide):.0f} degrees"
+            )
+            out[i] = Disagreement(values[i], smallest, said)
         return out
 
     def p_value(
@@ -201,11 +227,11 @@ class Novelty:
         found = cls(*(arrays[f.name] for f in fields(cls)))
         d = found.centre.size
         shapes = [getattr(found, f.name).shape for f in fields(cls)]
-        if d % 6 or shapes != [(d,), (d, d), (found.scores.size,), (d // 6, 4)]:
+        if d % 6 or shapes != [(d,), (d, d), (found.scores.size,), (d // 6, 4), (3,)]:
             raise ValueError(f"the novelty detector has arrays of shapes {shapes}")
         if any(a.dtype != np.float64 or not np.isfinite(a).all() for a in arrays.values()):
             raise ValueError("the novelty detector has arrays of other than finite numbers")
-        if (found.limits < 0).any():
+        if (found.limits < 0).any() or (found.view < 0).any():
             raise ValueError("a limit of the novelty detector is not a length or an angle")
         return found
 
@@ -216,6 +242,15 @@ def disagreement(
     """Return each supporter's pose in the principal's ray frame."""
     poses = estimates.only(principal, *supporters).cam_T_obj
     return relative(poses[0], poses[1:])
+
+
+def _view(
+    cam_T_obj: Float[ndarray, "n 4 4"],
+) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+    """Return the distance of each pose, metres, and its angle from the optical axis, radians."""
+    x, y, z = cam_T_obj[:, :3, 3].T
+    across = np.hypot(x, y)
+    return np.hypot(across, z), np.arctan2(across, z)
 
 
 def _rows(by: Float[ndarray, "s n 6"]) -> Float[ndarray, "n d"]:
