@@ -251,9 +251,15 @@ def _chunks(counts: dict[str, int], first: int) -> Iterator[tuple[str, int, int]
             done[name] += count
 
 
-def run(counts: dict[str, int], folder: Path, jobs: int, seed: int, first: int) -> dict[str, Tally]:
-    """Read that many inputs of each reader."""
-    tallies = {name: Tally() for name in counts}
+def run(
+    counts: dict[str, int],
+    tallies: dict[str, Tally],
+    folder: Path,
+    jobs: int,
+    seed: int,
+    first: int,
+) -> None:
+    """Read that many inputs of each reader, and add them up."""
     workers = [Worker(number, folder, seed) for number in range(jobs)]
     chunks, again = _chunks(counts, first), []
     start = said = time.monotonic()
@@ -264,6 +270,8 @@ def run(counts: dict[str, int], folder: Path, jobs: int, seed: int, first: int) 
             tally, left = worker.check()
             if tally:
                 tallies[name].add(tally)
+                for kind, kept in tally.failures.items():
+                    print(f"  {name}, input {kept[0][0]}: {kind}", flush=True)
             if left:
                 again.append(left)
             if worker.ready and worker.chunk is None and (more or again):
@@ -282,7 +290,6 @@ def run(counts: dict[str, int], folder: Path, jobs: int, seed: int, first: int) 
     for worker in workers:
         worker.connection.send(None)
         worker.process.join(10)
-    return tallies
 
 
 def report(tallies: dict[str, Tally], corpus: Path, seconds: float) -> dict[str, Any]:
@@ -337,7 +344,11 @@ def main() -> int:
         seeds.mkdir()
         fuzz_readers.make_seeds(seeds)
         start = time.monotonic()
-        tallies = run(counts, Path(folder), options.jobs, options.seed, options.first)
+        tallies = {name: Tally() for name in counts}
+        try:
+            run(counts, tallies, Path(folder), options.jobs, options.seed, options.first)
+        except KeyboardInterrupt:
+            print("interrupted; what was read until now:")
         figures = report(tallies, options.corpus, time.monotonic() - start)
     if options.json:
         options.json.write_text(json.dumps(figures, indent=1))
