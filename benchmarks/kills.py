@@ -3,7 +3,8 @@
     python benchmarks/kills.py --campaigns 500 --each 100 --json kills.json
 
 Linux only. Inputs are the demonstration data of the package, with estimates and outcomes drawn from
-a seed; verbs that need the published trials are killed with ``--data``. A campaign is killed (its
+a seed; verbs that need the published trials are killed with ``--data``; these and the demonstration
+are killed a tenth as often. A campaign is killed (its
 parent, its whole process group, or one worker), looked at, and started again, until it is complete;
 then its outcomes are compared with those of a campaign that nobody killed. A verb's output, after a
 kill, must be what was there before or whole; after every tenth kill the verb runs to its end, must
@@ -294,11 +295,15 @@ def verbs(made: dict[str, Path], folder: Path, out: Path) -> dict[str, list[str]
     }  # fmt: skip
 
 
-def verbs_on_data(data: Path, out: Path) -> dict[str, list[str]]:
-    """Arguments of the verbs that need the published trials; killed a tenth as often."""
+def slow_verbs(data: Path | None, folder: Path, out: Path) -> dict[str, list[str]]:
+    """Arguments of the demonstration, and of the verbs that need the published trials."""
+    demo = {"demo": ["demo", "--data", str(folder / "ycbv"), "--out", str(out)]}
+    if data is None:
+        return demo
     at = ["--data", str(data)]
     release = data / "raw" / "Consensus-Driven-Uncertainty"
     return {
+        **demo,
         "evaluate": ["evaluate", *at, "--methods", "majority", "--protocols", "random_split",
                      "--bootstrap", "10", "--json", f"{out}.json"],
         "reproduce": ["reproduce", *at, "--json", f"{out}.json"],
@@ -453,6 +458,17 @@ class Verb:
             return now == self.wholes[0]
         return alike(now, self.wholes[0])
 
+    def torn(self, now: object) -> list[str]:
+        """Return the files of a directory that are not as in one that is whole."""
+        one, two = self.wholes
+        assert isinstance(now, dict) and isinstance(one, dict) and isinstance(two, dict)
+        same = {name for name in one if one[name] == two.get(name)}
+        return [
+            name
+            for name, size in now.items()
+            if (name not in one and "shards/" not in name) or (name in same and size != one[name])
+        ]
+
     def __call__(self, folder: Path, rng: random.Random, tally: Tally) -> None:
         """Kill it ten times; then let it end."""
         if not self.prepare(tally):
@@ -480,9 +496,9 @@ class Verb:
             if left := run.outlived():
                 tally.problem("left", f"{left}")
             now = content(out)
-            parts = self.name == "import-release" and now is not None
-            if parts and not now.items() <= self.wholes[0].items():  # type: ignore[attr-defined]
-                tally.problem("damaged", f"{out} holds a file that is not whole")
+            parts = self.name in ("demo", "import-release") and now is not None
+            if parts and (torn := self.torn(now)):
+                tally.problem("damaged", f"{out} holds files that are not whole: {torn}")
             if not parts and now != before and not self.whole(now):
                 tally.problem("damaged", f"{out} is neither what was there before nor whole")
             if i < A_ROUND - 1 and not parts:
@@ -547,8 +563,7 @@ class Benchmark:
         options, folder = self.options, self.folder
         made = make_inputs(folder, np.random.default_rng(options.seed))
         names = list(verbs(made, folder, folder))
-        if options.data is not None:
-            names += list(verbs_on_data(options.data, folder))
+        names += list(slow_verbs(options.data, folder, folder))
         names = names if options.verbs is None else options.verbs
         for name, made_as in (("train", "model"), ("predict", "verdicts"),
                               ("certify", "certificate")):  # fmt: skip
@@ -556,16 +571,19 @@ class Benchmark:
                 run = Run(verbs(made, folder, folder / made_as)[name], folder)
                 if run.end() != 0:
                     raise SystemExit(run.said.read_text())
+        if "demo" in names:
+            tables = ["render", "--scenes", "6", "--images", "2", "--out", str(folder / "ycbv")]
+            Run(tables, folder).end()
         for name in names:
 
             def arguments(out: Path, name: str = name) -> list[str]:
-                on_data = {} if options.data is None else verbs_on_data(options.data, out)
-                return {**verbs(made, folder, out), **on_data}[name]
+                slow = slow_verbs(options.data, folder, out)
+                return {**verbs(made, folder, out), **slow}[name]
 
-            demo = name in verbs(made, folder, folder)
+            quick = name in verbs(made, folder, folder)
             kind = LongCampaign(arguments) if name == "validate-sim" else None
             self.rounds[name] = kind or Verb(name, arguments, folder)
-            self.wanted[name] = options.each if demo else -(-options.each // 10)
+            self.wanted[name] = options.each if quick else -(-options.each // 10)
         if options.campaigns:
             self.rounds["simulate"] = Campaigns(made, folder)
             self.wanted["simulate"] = options.campaigns
@@ -645,8 +663,7 @@ def main() -> int:
     parser.add_argument("--each", type=int, default=100, help="kills of each other verb")
     parser.add_argument("--verbs", nargs="*", metavar="VERB", help="other verbs; all by default")
     parser.add_argument("--data", type=Path, metavar="DIR",
-                        help="published trials: verbs that need them are killed a tenth as "
-                        "often")  # fmt: skip
+                        help="published trials, for the verbs that need them")  # fmt: skip
     parser.add_argument("--lanes", type=int, default=2, help="kills at the same time (default: 2)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path, help="counts; an interrupted run goes on from them")

@@ -109,7 +109,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         _discard_output()
         return 141
-    except (OSError, MemoryError) as error:
+    except (OSError, MemoryError, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and "start new thread" not in str(error):
+            raise
         what = "memory ran out" if isinstance(error, MemoryError) else str(error)
         print(f"graspcast {options.verb}: {what}", file=sys.stderr)  # noqa: T201
         _discard_output()
