@@ -305,7 +305,7 @@ def slow_verbs(data: Path | None, folder: Path, out: Path) -> dict[str, list[str
     return {
         **demo,
         "evaluate": ["evaluate", *at, "--methods", "majority", "--protocols", "random_split",
-                     "--bootstrap", "10", "--json", f"{out}.json"],
+                     "--bootstrap", "10", "--work", f"{out}.work", "--json", f"{out}.json"],
         "reproduce": ["reproduce", *at, "--json", f"{out}.json"],
         "validate-sim": ["validate-sim", *at, "--workers", "2", "--json", f"{out}.json",
                          "--out", str(out)],
