@@ -165,10 +165,13 @@ def family(token: str) -> dict[int, str]:
 
 
 def temporaries(folder: Path) -> list[str]:
-    """Return the names of temporary files below a folder; lock files are not."""
-    hidden = [p for p in folder.rglob("*") if p.name.startswith(".") and p.name != ".lock"]
+    """Return the names of temporary files below a folder; lock files are not.
+
+    Nor is ``.ses``, which ONNX Runtime writes into the temporary directory when it is imported.
+    """
+    hidden = [p for p in folder.rglob(".*") if p.name not in (".lock", ".ses")]
     numba = (folder / "numba").rglob("*.tmp.*")
-    return sorted(map(str, [*hidden, *(folder / "tmp").glob("*"), *numba]))
+    return sorted({str(p) for p in (*hidden, *(folder / "tmp").glob("[!.]*"), *numba)})
 
 
 def delay(rng: random.Random, whole_s: float) -> float:
