@@ -655,12 +655,19 @@ def stop(*_: object) -> None:
             os.killpg(run.process.pid, signal.SIGKILL)
 
 
+def running(pid: str) -> bool:
+    try:
+        return bool(Path("/proc", pid, "cmdline").read_bytes())  # that of a zombie is empty
+    except OSError:
+        return False
+
+
 def sweep() -> None:
     """End and remove what a killed run of this script left."""
     for path in Path(tempfile.gettempdir()).glob("kills-*-*"):
         pid = path.name.split("-")[1]
-        if pid.isdecimal() and not Path("/proc", pid).exists():
-            for left in family(f"{path}/"):
+        if pid.isdecimal() and not running(pid):
+            for left in family(str(path)):
                 with suppress(ProcessLookupError):
                     os.kill(left, signal.SIGKILL)
             shutil.rmtree(path, ignore_errors=True)
