@@ -53,3 +53,25 @@ def test_the_program_as_a_user_starts_it(world: Path) -> None:
     assert wrong.stdout == ""
     assert wrong.stderr.startswith("graspcast errors: ")
     assert "Traceback" not in wrong.stderr
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [(MemoryError(), "memory ran out"), (RuntimeError("can't start new thread"), "new thread")],
+)
+def test_too_little_memory_is_one_line(
+    error: Exception,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("graspcast.simulation.grippers.load_gripper", fail)
+    # In a process, `main` discards what is left of the output; here it must not.
+    monkeypatch.setattr("graspcast.cli._discard_output", lambda: None)
+    assert main(["grasps", "--gripper", "parallel", "--out", str(tmp_path / "sheet.png")]) == 2
+    written = capfd.readouterr().err.splitlines()
+    assert written[-1].startswith("graspcast grasps: ") and said in written[-1]

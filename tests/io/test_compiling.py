@@ -51,6 +51,27 @@ def test_machine_code_is_kept(tmp_path: Path) -> None:
     assert list((tmp_path / "cache").rglob("*.nbi"))
 
 
+def test_what_a_killed_process_left_is_removed_with_the_next_write(tmp_path: Path) -> None:
+    pytest.importorskip("fcntl", reason="no locks, no sweeping")
+    script, cache = tmp_path / "script.py", tmp_path / "cache"
+    killed = """
+import os, signal
+real = os.fsync
+os.fsync = lambda handle: os.kill(os.getpid(), signal.SIGKILL)
+"""
+    script.write_text(killed + PROGRAM)
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        env={"PATH": os.environ["PATH"], "PYTHONPATH": str(SOURCE), "NUMBA_CACHE_DIR": str(cache)},
+        check=False,
+    )
+    assert done.returncode == -9
+    assert [p for p in cache.rglob("*") if ".tmp" in p.name]
+    script.write_text(PROGRAM)
+    assert run(script, NUMBA_CACHE_DIR=str(cache)) == "42"
+    assert not [p for p in cache.rglob("*") if ".tmp" in p.name]
+
+
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs a directory that nobody may write")
 def test_where_nothing_can_be_cached_it_is_compiled_all_the_same(tmp_path: Path) -> None:
     # Files of unknown place have no cache directory: what an unwritable installation gives.

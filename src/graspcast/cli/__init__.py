@@ -35,6 +35,7 @@ from graspcast.cli import (
 from graspcast.cli.console import logged_as_notes
 from graspcast.cli.options import check_outputs
 from graspcast.errors import GraspcastError
+from graspcast.io.address_space import check_address_space
 
 __all__ = ["main", "parser", "verb_parsers"]
 
@@ -91,6 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments_parser = parser()
     options = arguments_parser.parse_args(arguments)
     try:
+        check_address_space()
         check_outputs(options)
         with logged_as_notes():
             code = options.run(options) or 0
@@ -107,7 +109,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         _discard_output()
         return 141
-    except (OSError, MemoryError) as error:
+    except (OSError, MemoryError, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and "start new thread" not in str(error):
+            raise
         what = "memory ran out" if isinstance(error, MemoryError) else str(error)
         print(f"graspcast {options.verb}: {what}", file=sys.stderr)  # noqa: T201
         _discard_output()

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +19,8 @@ from graspcast.simulation.campaign.executors import LocalExecutor, RayExecutor, 
 from graspcast.simulation.campaign.jobs import Batch, load_setups
 from graspcast.simulation.grasps.table import read_grasps
 
+SOURCE = Path(graspcast.errors.__file__).parents[1]
+
 
 @pytest.fixture
 def cluster(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
@@ -23,12 +28,11 @@ def cluster(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     from ray.cluster_utils import Cluster
 
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-    source = str(Path(graspcast.errors.__file__).parents[1])
     made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
     made.add_node(num_cpus=1)
     ray.init(
         address=made.address,
-        runtime_env={"env_vars": {"PYTHONPATH": source}},
+        runtime_env={"env_vars": {"PYTHONPATH": str(SOURCE)}},
         log_to_driver=False,
     )
     yield made
@@ -88,3 +92,30 @@ def test_an_error_in_a_worker_is_raised_here() -> None:
     batches = [Batch(("nobody", "parallel"), np.arange(1), poses)]
     with pytest.raises(KeyError, match="nobody"):
         list(LocalExecutor(2).run({pair: setups[pair]}, batches))
+
+
+@pytest.mark.skipif(not Path("/bin/false").exists(), reason="needs a program that ends at once")
+def test_a_worker_that_dies_at_once_is_noticed_however_long_the_command_line() -> None:
+    program = """
+import multiprocessing.spawn
+import sys
+from graspcast.errors import WorkerLostError
+from graspcast.simulation.campaign.executors import LocalExecutor
+from graspcast.simulation.campaign.jobs import Batch
+multiprocessing.spawn.set_executable("/bin/false")
+arguments = list(sys.argv)
+try:
+    list(LocalExecutor(2).run({}, [Batch(("a", "b"), None, None)] * 2))
+except WorkerLostError as error:
+    print(error)
+assert sys.argv == arguments and len(arguments) == 30_001
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program, *["12345"] * 30_000],
+        env={**os.environ, "PYTHONPATH": str(SOURCE)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert "a worker process died: it ended with exit code 1" in done.stdout, done.stderr

@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import pickle
 import signal
+import sys
 import threading
 from collections import deque
 from collections.abc import Generator, Iterator, Mapping, Sequence
@@ -106,7 +107,7 @@ class _Worker:
         try:
             # What is passed here must be small: `start` writes it to a pipe whose other end is open
             # in this process too, so that it would wait for ever for a worker that is dead.
-            with _without_interrupts():
+            with _without_interrupts(), _with_few_arguments():
                 self.process.start()
         except OSError as error:
             self.pipe.close()
@@ -203,6 +204,22 @@ def _without_interrupts() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+_MOST_ARGUMENTS = 16_384
+"""Longest command line that workers are given, bytes; pipes hold 64 KiB on Linux."""
+
+
+@contextmanager
+def _with_few_arguments() -> Iterator[None]:
+    """Hide a long command line from a worker that is started; it would be sent through a pipe."""
+    before = sys.argv
+    if sum(map(len, before)) > _MOST_ARGUMENTS:
+        sys.argv = before[:1]
+    try:
+        yield
+    finally:
+        sys.argv = before
 
 
 def _work(pipe: Any) -> None:
