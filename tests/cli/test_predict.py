@@ -244,7 +244,7 @@ def test_disagreement_larger_than_in_training_is_always_abstained_from(
         assert "object diameters from a; the limit is " in said, said
         assert unusual["probability"]
     for row in found["0"].values():
-        assert (row["verdict"] == "attempt") != ("the limit is" in row["reason"])
+        assert (row["verdict"] == "attempt") != ("out-of-distribution" in row["reason"])
     assert found["0.01"].keys() == found["0"].keys()
     p_values = [row for row in found["0.01"].values() if "(p-value" in row["reason"]]
     assert len(p_values) <= 4
@@ -276,7 +276,7 @@ def test_a_model_of_few_outcomes_of_one_scene_warns_when_trained_and_when_used(
     for row in forests.verdicts(tmp_path):
         if row["probability"]:
             unknown = "novelty not checkable at level 0.01 (smallest p-value" in row["reason"]
-            assert unknown != ("the limit is" in row["reason"])
+            assert unknown != ("out-of-distribution" in row["reason"])
 
 
 def predicted(trained: Path, tmp_path: Path, model: str, capsys: pytest.CaptureFixture[str]) -> str:

@@ -107,7 +107,7 @@ def test_the_odd_one_of_three_is_named_and_of_two_either_may_be() -> None:
 
 def test_poses_behind_the_camera_hint_at_its_axes_or_at_the_inverse() -> None:
     assert "OpenGL" in behind_hint(20, 20)
-    assert "9 of 20 poses: are they obj_T_cam" in behind_hint(9, 20)
+    assert "9 of 20 poses lie behind it: are they obj_T_cam" in behind_hint(9, 20)
     assert behind_hint(1, 20) == behind_hint(2, 2) == ""
 
 

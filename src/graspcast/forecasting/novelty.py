@@ -16,7 +16,7 @@ apart, unless a quarter are.
 
 Estimators that are all wrong alike agree. So the principal's own pose has limits too: its distance
 from half to twice those of the middle 98 % in training, and its angle from the optical axis up to
-twice theirs, or 20 degrees.
+twice theirs, or 30 degrees.
 
 References
 ----------
@@ -56,8 +56,8 @@ _LARGEST_SHIFT = 1.0
 """Diameters between two poses that contradict each other, even if training has a few of them."""
 _MIDDLE = (0.01, 0.99)
 """Quantiles of the training poses' distances and angles; estimators have wild outliers."""
-_ALWAYS_SEEN = np.radians(20.0)
-"""An angle from the optical axis that every camera sees."""
+_ALWAYS_SEEN = np.radians(30.0)
+"""An angle from the optical axis that most cameras see."""
 _OFTEN = 0.75
 """Share of training instances below the quantile that is no contradiction, however large."""
 
