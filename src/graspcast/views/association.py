@@ -84,11 +84,11 @@ def associate(
         return out, doubted
     # Beyond the gate all are alike: a far one must not decide where the near ones go.
     rows, columns = linear_sum_assignment(np.minimum(distances, CONTRADICTION))
+    owner = {}
     for r, c in zip(rows.tolist(), columns.tolist(), strict=True):
         if (mine := distances[r, c]) > CONTRADICTION:
-            # The nearest may have gone to another one: then this is one of two for one estimate.
-            doubted[r] = distances[r].min() <= CONTRADICTION
             continue
+        owner[c] = r
         in_row = (distances[r] < mine + _DOUBT) & (distances[r] <= CONTRADICTION)
         in_column = (distances[:, c] < mine + _DOUBT) & (distances[:, c] <= CONTRADICTION)
         other_c = in_row & (among_second[c] > _SAME) & (np.arange(b) != c)
@@ -96,4 +96,9 @@ def associate(
         doubted[r] = bool(other_c.any() or other_r.any())
         if not doubted[r]:
             out[r] = c
+    for r in sorted(set(range(a)) - set(owner.values())):
+        # Its nearest went to another one: is that sure, or are these two for one estimate?
+        c = int(distances[r].argmin())
+        if distances[r, c] <= CONTRADICTION and c in owner:
+            doubted[r] = distances[r, c] < distances[owner[c], c] + _DOUBT
     return out, doubted

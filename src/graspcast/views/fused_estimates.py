@@ -169,7 +169,7 @@ class FusedEstimates:
 )
 def fuse_estimates(
     results: Mapping[str, Results],
-    motion: CameraMotion | None,
+    motion: CameraMotion | None = None,
     *,
     dataset: str,
     principal: str | None = None,
