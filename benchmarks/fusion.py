@@ -117,7 +117,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     measured = Measured(dataset)
 
     def fused(
-        given: dict[str, Results], views: int, mm: float | None = None, told: bool = True
+        given: dict[str, Results],
+        views: int,
+        mm: float | None = None,
+        told: bool = True,
+        spreads: Spreads = spreads,
     ) -> FusedEstimates:
         noise = CameraNoise((mm or 0) / 1e3, np.deg2rad(0.1 * (mm or 0)))
         return fuse_estimates(
@@ -141,6 +145,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if views > 1:
             full = selected(out, out.gathered.present.any(axis=2).sum(axis=1) == views)
             rows.append(measured.row(f"all, {views} views", full.results, full))
+    if options.learn:
+        out = fused(results, 3, spreads=Spreads())
+        rows.append(measured.row("all, up to 3 views, default spreads", out.results, out))
     for name, given in results.items():
         alone = fused({name: given}, 3)
         rows.append(measured.row(f"{name}, up to 3 views", alone.results, alone))
