@@ -163,8 +163,8 @@ class FusedEstimates:
     principal=NAME,
     models=mapping(a(Models), "dataset"),
     noise=a(CameraNoise),
-    max_views=number(1, 1000),
-    min_parallax_rad=number(0, np.pi),
+    max_views=number(1.0, 1000.0),
+    min_parallax_rad=number(0.0, np.pi),
     spreads=a(Spreads),
 )
 def fuse_estimates(

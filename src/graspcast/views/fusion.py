@@ -356,6 +356,8 @@ def _kept(present: ndarray, good: ndarray, principal: int) -> Bool[ndarray, "n v
 
 def _parallax(entries: _Entries, used: ndarray) -> Float[ndarray, " n"]:
     there = _any(used)
-    cosine = entries.view_ray @ np.swapaxes(entries.view_ray, 1, 2)
+    rays = entries.view_ray
+    apart = np.linalg.norm(rays[:, :, None] - rays[:, None], axis=-1)
     both = there[:, :, None] & there[:, None]
-    return np.arccos(np.clip(np.where(both, cosine, 1.0), -1, 1)).max(axis=(1, 2))
+    # Accurate for small angles, unlike arccos.
+    return 2 * np.arcsin(np.minimum(np.where(both, apart, 0.0) / 2, 1.0)).max(axis=(1, 2))

@@ -79,8 +79,9 @@ def check_motion(results: Mapping[str, Results], motion: CameraMotion) -> str:
         raise MismatchError(
             f"{motion.source}: the camera poses contradict the estimates: carried from image to "
             f"image, positions of objects {where}differ by a median of {shown(off * far)}, and no "
-            "change of unit or direction mends it; are they of another scene, or were objects "
-            "moved between the images? Leave out the camera poses of such scenes",
+            "change of unit or direction mends it; are they of another scene, were objects "
+            "moved between the images, or most estimates far off? Leave out the camera poses of "
+            "such scenes",
             parameters=("camera_poses",),
         )
     return ""
