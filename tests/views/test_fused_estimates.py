@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +20,9 @@ from graspcast.pose.transforms import rotation_from_vector, transform
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.camera_tables import read_camera_motion
 from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
+from graspcast.views.spread import learn_spreads
 from static_scenes import estimates_of, motion_of, objects, orbit, scattered, seen
+from test_misuse import ODD
 
 CAMERAS = orbit(10)
 POSES = seen(CAMERAS, objects(3))
@@ -126,6 +131,31 @@ def test_wrong_arguments_are_refused(given: dict[str, Any], says: str) -> None:
         fused(**given)
     with pytest.raises(UnknownNameError):
         fuse_estimates({}, None, dataset="d")
+
+
+@pytest.mark.ill_typed
+@pytest.mark.parametrize("odd", ODD, ids=range(len(ODD)))
+def test_whatever_is_given_the_answer_is_a_result_or_an_error(odd: Any) -> None:
+    motion = motion_of(CAMERAS)
+    given = {"results": RESULTS, "motion": motion, "dataset": "d", "principal": "a"}
+    given |= dict.fromkeys(("models", "noise", "spreads", "max_views", "views_from"))
+    given |= {"max_views": 2, "views_from": "all", "min_parallax_rad": 0.2}
+    calls: list[Callable[[], Any]] = [
+        *(partial(fuse_estimates, **{**given, name: odd}) for name in given),
+        partial(CameraMotion, odd),
+        partial(CameraMotion, {(1, 1): odd}),
+        partial(CameraMotion.of, odd, [1], CAMERAS[:1]),
+        partial(CameraMotion.of, [1], [odd], CAMERAS[:1]),
+        partial(CameraMotion.of, [1], [1], odd),
+        partial(motion.between, odd, 0, 1),
+        partial(CameraNoise, odd),
+        partial(CameraNoise.parse, odd),
+        partial(read_camera_motion, odd),
+        partial(learn_spreads, odd, odd),
+    ]
+    for call in calls:
+        with suppress(GraspcastError):
+            call()
 
 
 def test_nothing_to_fuse() -> None:

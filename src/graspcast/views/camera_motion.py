@@ -12,6 +12,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
+from graspcast.io.arguments import NAME, a, checked, number, refuse_unless
 from graspcast.pose.lengths import METRES
 from graspcast.pose.sanity import rotation_problem
 from graspcast.pose.transforms import compose, invert, project_to_rotation
@@ -21,6 +22,7 @@ __all__ = ["CameraMotion", "CameraNoise"]
 _RADIANS = {"deg": np.pi / 180, "rad": 1.0}
 _NOISE = re.compile(r"\s*([0-9.eE+-]+)\s*([a-z]+)\s*,\s*([0-9.eE+-]+)\s*([a-z]+)\s*")
 _FARTHEST_M = 10_000.0
+_WHOLE = a(int, np.integer, words="a whole number")
 
 
 @dataclass(frozen=True)
@@ -39,11 +41,10 @@ class CameraNoise:
     rotation_rad: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, most in (("translation_m", 1.0), ("rotation_rad", 1.0)):
+        for name in ("translation_m", "rotation_rad"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float):
-                raise InputError(f"CameraNoise: {name} should be a number, not {value!r}")
-            if not 0 <= value <= most:
+            refuse_unless(number(), value, "CameraNoise", name)
+            if not 0 <= value <= 1:
                 raise InputError(
                     f"the noise of the camera motion should be 0 or more, and at most 1 m and "
                     f"1 rad, but {name} is {value:g}",
@@ -51,6 +52,7 @@ class CameraNoise:
                 )
 
     @classmethod
+    @checked(text=NAME)
     def parse(cls, text: str) -> CameraNoise:
         """Parse a length and an angle with their units, ``1mm,0.1deg``.
 
@@ -101,11 +103,7 @@ class CameraMotion:
             )
         checked = {}
         for key, pose in self.world_T_cam.items():
-            if not _is_key(key):
-                raise InputError(
-                    f"{self.source}: an image is a pair of whole numbers, scene_id and im_id, "
-                    f"not {key!r}"
-                )
+            _check_key(key, self.source)
             try:
                 checked[int(key[0]), int(key[1])] = _rigid(pose)
             except ValueError as error:
@@ -135,7 +133,7 @@ class CameraMotion:
             scenes, images = np.asarray(scene_id).tolist(), np.asarray(im_id).tolist()
             keys = list(zip(scenes, images, strict=True))
             poses = list(world_T_cam)
-        except (TypeError, ValueError) as error:
+        except Exception as error:  # tensors of other libraries raise what they like
             raise InputError(
                 f"{source}: scene_id, im_id and world_T_cam should have one entry an image"
             ) from error
@@ -143,7 +141,8 @@ class CameraMotion:
             raise InputError(f"{source}: {len(poses)} camera poses for {len(keys)} images")
         out: dict[tuple[int, int], Any] = {}
         for key, pose in zip(keys, poses, strict=True):
-            if _is_key(key) and key in out:
+            _check_key(key, source)
+            if key in out:
                 raise InputError(
                     f"{source}: image {key[0]}/{key[1]} has more than one camera pose; keep one",
                     parameters=("camera_poses",),
@@ -162,6 +161,7 @@ class CameraMotion:
         """The scenes with camera poses."""
         return {scene_id for scene_id, _ in self.world_T_cam}
 
+    @checked(scene_id=_WHOLE, to_image=_WHOLE, from_image=_WHOLE)
     def between(self, scene_id: int, to_image: int, from_image: int) -> Float[ndarray, "4 4"]:
         """Return the motion ``to_T_from`` between the cameras of two images of a scene.
 
@@ -176,12 +176,15 @@ class CameraMotion:
         return compose(invert(world_T_to), self.world_T_cam[scene_id, from_image])
 
 
-def _is_key(key: Any) -> bool:
-    return (
-        isinstance(key, tuple)
-        and len(key) == 2
-        and all(isinstance(i, int | np.integer) and not isinstance(i, bool) for i in key)
-    )
+def _check_key(key: Any, source: str) -> None:
+    """Raise unless this is an image: scene_id and im_id."""
+    pair = isinstance(key, tuple) and len(key) == 2
+    if not pair or any(isinstance(i, bool) or not isinstance(i, int | np.integer) for i in key):
+        shown = repr(key)
+        raise InputError(
+            f"{source}: an image is a pair of whole numbers, scene_id and im_id, not "
+            f"{shown if len(shown) < 80 else type(key).__name__}"
+        )
 
 
 def _rigid(pose: Any) -> Float[ndarray, "4 4"]:

@@ -163,6 +163,7 @@ class FusedEstimates:
     principal=NAME,
     models=mapping(a(Models), "dataset"),
     noise=a(CameraNoise),
+    views_from=NAME,
     max_views=number(1.0, 1000.0),
     min_parallax_rad=number(0.0, np.pi),
     spreads=a(Spreads),
