@@ -137,6 +137,7 @@ tables = st.lists(st.lists(fields, max_size=9).map(",".join), max_size=4)
     ),
 )
 @example(content=b"\xef\xbb\xbf" + HEADER.encode())
+@example(content=b"(\xb5/\xfd")  # the first bytes of a Zstandard frame
 def test_any_bytes_are_read_or_refused(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(content)

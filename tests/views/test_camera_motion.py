@@ -83,7 +83,7 @@ def test_noise_without_units_is_refused(text: str) -> None:
 @pytest.mark.ill_typed
 def test_noise_out_of_range_is_refused() -> None:
     for sizes in ((-0.1, 0.0), (0.0, 2.0), (float("nan"), 0.0), (float("inf"), 0.0)):
-        with pytest.raises(InputError, match="should be 0 or more"):
+        with pytest.raises(InputError, match=r"should be (0 or more|a number)"):
             CameraNoise(*sizes)
     with pytest.raises(InputError, match="should be a number"):
         CameraNoise("1mm")  # type: ignore[arg-type]

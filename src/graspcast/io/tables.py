@@ -117,7 +117,7 @@ def read_csv(path: str | PathLike[str]) -> pl.DataFrame:
     """
     try:
         return pl.read_csv(io.BytesIO(read_bytes(path)), infer_schema_length=None)
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
         raise FormatError(path, f"is not a CSV file ({_first_line(error)})") from error
 
 

@@ -73,7 +73,7 @@ def read_camera_motion(path: str | PathLike[str]) -> CameraMotion:
         if not poses:
             raise InputError(
                 f"{path}: no image here has a camera pose (cam_R_w2c and cam_t_w2c in "
-                "scene_camera.json); give a table of them",
+                "scene_camera.json)",
                 parameters=("camera_poses",),
             )
         return CameraMotion(poses, str(path))
