@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -163,6 +164,15 @@ def test_nothing_to_fuse() -> None:
     with pytest.raises(InputError, match="a has no estimate to fuse"):
         fused({"a": empty, "b": RESULTS["b"]})
     assert len(fused({"a": RESULTS["a"], "b": empty})) == 30
+
+
+def test_copies_and_other_conventions_are_refused() -> None:
+    with pytest.raises(InputError, match="b has the same pose as a in each of 30 instances"):
+        fused({"a": RESULTS["a"], "b": RESULTS["a"]})
+    poses = RESULTS["b"].cam_T_obj.copy()
+    poses[:, :3, :3] = np.swapaxes(poses[:, :3, :3], 1, 2)
+    with pytest.raises(MismatchError, match="b"):
+        fused(RESULTS | {"b": replace(RESULTS["b"], cam_T_obj=poses)})
 
 
 def test_images_without_a_camera_pose_are_single_views_and_said() -> None:

@@ -45,7 +45,7 @@ def add(verbs: Verbs) -> None:
     )
     verb.add_argument(
         "--camera-noise",
-        metavar="MM,DEG",
+        metavar="LENGTH,ANGLE",
         default="0mm,0deg",
         help="standard deviation per axis of the motion between two images, with units: "
         "1mm,0.1deg (default: none)",

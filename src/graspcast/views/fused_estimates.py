@@ -13,8 +13,13 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, MismatchError, UnknownNameError
-from graspcast.estimates.alignment import estimate_ids
-from graspcast.estimates.checks import diameters, sane_rows
+from graspcast.estimates.alignment import align, estimate_ids
+from graspcast.estimates.checks import (
+    diameters,
+    refuse_conventions,
+    refuse_copies,
+    sane_rows,
+)
 from graspcast.estimates.instances import KEY_COLUMNS, Instances
 from graspcast.io.arguments import NAME, a, checked, mapping, number
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
@@ -213,7 +218,8 @@ def fuse_estimates(
     UnknownNameError
         For a principal that is none of the estimators.
     MismatchError
-        If the camera motion is of other scenes, or contradicts the estimates.
+        If the camera motion is of other scenes, or contradicts the estimates; or an estimator's
+        poses agree with the others' only in another convention.
     """
     names = tuple(results)
     principal = principal or next(iter(names), None)
@@ -231,6 +237,7 @@ def fuse_estimates(
             f"{results[principal].source}: {principal} has no estimate to fuse",
             parameters=("estimates", "principal"),
         )
+    _check_estimators(sane, dataset, principal, models)
     if motion is not None:
         scenes = {s for table in tables for s in set(table.scene_id.tolist())}
         if not scenes & motion.scenes:
@@ -256,6 +263,22 @@ def fuse_estimates(
         FusedEstimates(names, principal, gathered.instances, poses, gathered),
         notes=tuple(notes + _impossible(poses, gathered.instances, dataset, models)),
     )
+
+
+def _check_estimators(
+    results: Mapping[str, Results],
+    dataset: str,
+    principal: str,
+    models: Mapping[str, Models] | None,
+) -> None:
+    """Raise if two estimators are one, or the poses of one are in another convention."""
+    if len(results) < 2:
+        return
+    common = align(results, dataset=dataset, anchor=principal, required=False)
+    if len(common):
+        refuse_copies(common.estimators, common.cam_T_obj)
+        mine = (models or {}).get(dataset)
+        refuse_conventions(common.estimators, common.cam_T_obj, common.obj_id, mine)
 
 
 _NONE = np.eye(4)[None]
