@@ -44,6 +44,7 @@ from graspcast.simulation.grasps.table import grasps_in
 from graspcast.simulation.grippers.mjcf import MjcfGripper
 from graspcast.simulation.objects.catalogue import read_catalogue
 from graspcast.simulation.objects.meshes import read_mesh
+from graspcast.views.camera_tables import read_camera_motion
 
 ROOT = Path(__file__).parent.parent
 TESTS = ROOT / "tests"
@@ -211,6 +212,14 @@ READERS = (
     Reader("foreign.parquet", read_outcomes, (partial(_parquet, digest=False), *_BYTES), 0.001),
     Reader("verdicts.csv", read_verdicts, _TEXT, 2),
     Reader("split.csv", read_split, _TEXT),
+    Reader("camera_matrices.csv", read_camera_motion, _TEXT),
+    Reader("camera_quaternions.csv", read_camera_motion, _TEXT),
+    Reader(
+        "camera_poses.json",
+        lambda p: read_camera_motion(p.parent.parent),
+        _JSON,
+        file="camera_poses/000001/scene_camera.json",
+    ),
     Reader("threshold.npz", _forecasts, _ARRAYS, 0.5),
     Reader("networks.npz", _forecasts, _ARRAYS, 0.5),
     Reader("forests.npz", _forecasts, _ARRAYS, 0.3),
@@ -328,6 +337,7 @@ def _tables(folder: Path) -> None:
         "split": ["train", "test"],
     }
     pl.DataFrame(split).write_csv(folder / "split.csv")
+    _camera_poses(folder)
 
 
 def _bop(folder: Path) -> None:
@@ -443,6 +453,21 @@ def _pictures(folder: Path) -> None:
         Image.fromarray(pixels).save(folder / f"image.{kind}")
     weights = ROOT / "src" / "graspcast" / "perception" / "weights"
     shutil.copy(weights / "dense.onnx", folder / "network.onnx")
+
+
+def _camera_poses(folder: Path) -> None:
+    identity = " ".join(str(x) for x in np.eye(4).ravel())
+    rows = "".join(f"1,{i},{identity}\n" for i in range(3))
+    (folder / "camera_matrices.csv").write_text(f"scene_id,im_id,world_T_cam_m\n{rows}")
+    names = ",".join(
+        f"cam_T_world_{x}" for x in ("qw", "qx", "qy", "qz", "tx_mm", "ty_mm", "tz_mm")
+    )
+    rows = "".join(f"1,{i},1,0,0,0,{i},20,900\n" for i in range(3))
+    (folder / "camera_quaternions.csv").write_text(f"scene_id,im_id,{names}\n{rows}")
+    entry = {"cam_R_w2c": np.eye(3).ravel().tolist(), "cam_t_w2c": [1.0, 2.0, 900.0]}
+    scene = folder / "camera_poses" / "000001"
+    scene.mkdir(parents=True, exist_ok=True)
+    (scene / "scene_camera.json").write_text(json.dumps({"0": entry, "1": entry}))
 
 
 def _release_files(folder: Path) -> None:

@@ -72,6 +72,10 @@ if TYPE_CHECKING:
     from graspcast.simulation.objects.load import load_object
     from graspcast.simulation.trial.gripper_conformance import check_gripper
     from graspcast.simulation.trial.trial import TrialRunner
+    from graspcast.views.camera_motion import CameraMotion, CameraNoise
+    from graspcast.views.camera_tables import read_camera_motion
+    from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
+    from graspcast.views.spread import learn_spreads
 
 _HOME = {
     "bop.dataset": ("BopDataset",),
@@ -127,6 +131,10 @@ _HOME = {
     "simulation.objects.load": ("load_object",),
     "simulation.trial.gripper_conformance": ("check_gripper",),
     "simulation.trial.trial": ("TrialRunner",),
+    "views.camera_motion": ("CameraMotion", "CameraNoise"),
+    "views.camera_tables": ("read_camera_motion",),
+    "views.fused_estimates": ("FusedEstimates", "fuse_estimates"),
+    "views.spread": ("learn_spreads",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

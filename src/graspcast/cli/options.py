@@ -266,7 +266,7 @@ def count(text: str) -> int:
     return int(text)
 
 
-_OUTPUTS = ("out", "json", "state")
+_OUTPUTS = ("out", "json", "state", "covariances")
 
 
 def check_outputs(options: argparse.Namespace) -> None:

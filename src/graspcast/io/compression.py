@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["not_text"]
+__all__ = ["compressed", "not_text"]
 
 _STARTS = {
     b"\x1f\x8b": "gzip",
@@ -14,10 +14,15 @@ _STARTS = {
 }
 
 
-def not_text(content: bytes) -> str:
-    """Say why content is no UTF-8 text, by its first bytes: it is compressed, or something else."""
+def compressed(content: bytes) -> str:
+    """Say that content is compressed, and what to do, by its first bytes; empty if it is not."""
     for mark, kind in _STARTS.items():
         if content.startswith(mark):
             remedy = "convert" if kind == "Parquet" else "unpack"
             return f"is a {kind} file ({remedy} it first)"
-    return "is not UTF-8 text"
+    return ""
+
+
+def not_text(content: bytes) -> str:
+    """Say why content is no UTF-8 text: it is compressed, or something else."""
+    return compressed(content) or "is not UTF-8 text"

@@ -18,6 +18,7 @@ from pathlib import Path
 import polars as pl
 
 from graspcast.errors import FormatError
+from graspcast.io.compression import compressed
 from graspcast.io.files import atomic_write
 from graspcast.io.hashing import sha256
 from graspcast.io.reading import read_bytes
@@ -115,9 +116,11 @@ def read_csv(path: str | PathLike[str]) -> pl.DataFrame:
     FormatError
         If the file cannot be read or is not CSV.
     """
+    content = read_bytes(path)
+    if said := compressed(content):  # polars would unpack it, to any size
+        raise FormatError(path, said)
     try:
-        return pl.read_csv(io.BytesIO(read_bytes(path)), infer_schema_length=None)
-    # OSError: polars unpacks what begins like a compressed file, which may be damaged.
+        return pl.read_csv(io.BytesIO(content), infer_schema_length=None)
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
         raise FormatError(path, f"is not a CSV file ({_first_line(error)})") from error
 

@@ -37,6 +37,7 @@ __all__ = [
 _FAST = {"reassoc", "contract", "nsz"}
 _DISTANCE_NS, _PIXEL_DISTANCE_NS = 1.0, 3.0
 """About how many nanoseconds a point takes."""
+_ROWS_AT_ONCE = 4096
 
 
 @no_type_check
@@ -97,10 +98,14 @@ def nearest_symmetric(
     """Multiply each transform by the symmetry of frame ``to`` that minimises its rotation angle."""
     if len(symmetries) == 1:
         return from_T_to
-    candidates = from_T_to[..., None, :, :] @ symmetries
-    best = rotation_angle(candidates[..., :3, :3]).argmin(axis=-1)
-    chosen = np.take_along_axis(candidates, best[..., None, None, None], axis=-3)
-    return np.squeeze(chosen, axis=-3)
+    # The smallest angle has the largest trace, the sum of products with the transpose.
+    flat = from_T_to.reshape(-1, 4, 4)
+    turns = np.swapaxes(symmetries[:, :3, :3], 1, 2).reshape(-1, 9).T
+    best = np.empty(len(flat), dtype=np.int64)
+    for start in range(0, len(flat), _ROWS_AT_ONCE):
+        rotation = flat[start : start + _ROWS_AT_ONCE, :3, :3].reshape(-1, 9)
+        best[start : start + _ROWS_AT_ONCE] = (rotation @ turns).argmax(axis=1)
+    return (flat @ symmetries[best]).reshape(from_T_to.shape)
 
 
 def rotation_error(

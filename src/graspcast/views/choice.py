@@ -1,0 +1,65 @@
+"""Choice of views: which other images of a scene serve, spread by parallax."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+__all__ = ["MIN_PARALLAX_RAD", "ViewsFrom", "choose_views", "viewing_directions"]
+
+ViewsFrom = Literal["earlier", "all"]
+"""Which images may serve: those with a smaller ``im_id``, or all others."""
+
+MIN_PARALLAX_RAD = float(np.deg2rad(12.0))
+"""Views nearer than this share most of the error along the ray, and help little."""
+
+
+def viewing_directions(
+    position: Float[ndarray, "3"], centres: Float[ndarray, "m 3"]
+) -> Float[ndarray, "m 3"]:
+    """Return unit vectors from an object to the cameras, all in the world's frame."""
+    towards = centres - position
+    return towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-12)
+
+
+def choose_views(
+    judged: Float[ndarray, "3"],
+    others: Float[ndarray, "m 3"],
+    most: int,
+    min_parallax_rad: float = MIN_PARALLAX_RAD,
+) -> Int[ndarray, " v"]:
+    """Choose views, each the farthest from those chosen before, in angles at the object.
+
+    Parameters
+    ----------
+    judged
+        Direction from the object to the judged image's camera, a unit vector.
+    others
+        Directions to the other cameras.
+    most
+        At most this many are chosen.
+    min_parallax_rad
+        Each lies at least this far from the judged view and from every other one.
+
+    Returns
+    -------
+    Numbers among ``others``; of equal ones the first.
+    """
+    chosen: list[int] = []
+    nearest = _angles(others, judged)
+    while len(chosen) < min(most, len(others)):
+        best = int(nearest.argmax())
+        if nearest[best] < max(min_parallax_rad, 1e-9):
+            break
+        chosen.append(best)
+        nearest = np.minimum(nearest, _angles(others, others[best]))
+    return np.array(chosen, dtype=np.int64)
+
+
+def _angles(directions: Float[ndarray, "m 3"], one: Float[ndarray, "3"]) -> Float[ndarray, " m"]:
+    # Accurate for small angles, unlike arccos; a view is 0 from itself.
+    half = np.linalg.norm(directions - one, axis=1) / 2
+    return np.asarray(2 * np.arcsin(np.minimum(half, 1.0)))

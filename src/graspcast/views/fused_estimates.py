@@ -1,0 +1,305 @@
+"""Fused estimates: the poses of a principal's instances, from several views and estimators."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from graspcast.bop.models import Models
+from graspcast.bop.results import Results
+from graspcast.errors import InputError, MismatchError, UnknownNameError
+from graspcast.estimates.alignment import align, estimate_ids
+from graspcast.estimates.checks import (
+    diameters,
+    refuse_conventions,
+    refuse_copies,
+    sane_rows,
+)
+from graspcast.estimates.instances import KEY_COLUMNS, Instances
+from graspcast.io.arguments import NAME, a, checked, mapping, number
+from graspcast.views.camera_motion import CameraMotion, CameraNoise
+from graspcast.views.choice import MIN_PARALLAX_RAD, ViewsFrom
+from graspcast.views.fusion import FusedPoses, fuse_poses
+from graspcast.views.gathering import Gathered, ViewRules, gather
+from graspcast.views.motion_checks import check_motion
+from graspcast.views.spread import Spreads
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+__all__ = ["FusedEstimates", "fuse_estimates"]
+
+_HALF_SCORE_M = 0.01
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FusedEstimates:
+    """Fused poses of a principal's instances.
+
+    Attributes
+    ----------
+    estimators
+        Those that were fused, in order.
+    principal
+        Whose instances they are.
+    instances
+        Their keys, with the principal's ``est_id``.
+    poses
+        Poses, covariances, and who entered.
+    gathered
+        Which views and estimates there were.
+    notes
+        What was left out or could not be checked, in words.
+    """
+
+    estimators: tuple[str, ...]
+    principal: str
+    instances: Instances
+    poses: FusedPoses
+    gathered: Gathered
+    notes: tuple[str, ...] = field(default=())
+
+    def __len__(self) -> int:
+        return len(self.instances)
+
+    def __repr__(self) -> str:
+        return f"FusedEstimates({', '.join(self.estimators)}; {self.instances!r})"
+
+    @property
+    def score(self) -> Float[ndarray, " n"]:
+        """``1 / (1 + s / 10 mm)``, s the standard deviation of the position, (n,)."""
+        total = np.trace(self.poses.covariance[:, :3, :3], axis1=1, axis2=2)
+        return 1 / (1 + np.sqrt(total) / _HALF_SCORE_M)
+
+    @property
+    def views(self) -> Int[ndarray, " n"]:
+        """How many views entered, (n,)."""
+        return _any(self.poses.used).sum(axis=1)
+
+    @property
+    def results(self) -> Results:
+        """The fused poses as an estimator's results, with :attr:`score`."""
+        n, keys = len(self), self.instances
+        return Results(
+            scene_id=keys.scene_id,
+            im_id=keys.im_id,
+            obj_id=keys.obj_id,
+            score=self.score,
+            cam_T_obj=self.poses.cam_T_obj,
+            time_s=np.full(n, -1.0),
+            line=np.zeros(n, dtype=np.int64),
+            source="fused",
+        )
+
+    def table(self) -> DataFrame:
+        """Return keys, spreads, counts and covariances as a table, one row an instance.
+
+        ``est_id`` is the rank in :attr:`results`, ``principal_est_id`` the principal's.
+        Covariances are the upper triangles of the 6x6 matrices of position (m) and rotation vector
+        (rad): ``cov_cam_XY`` in the camera's axes, ``cov_obj_XY`` in the object's, X and Y from 0.
+        """
+        import polars as pl
+
+        poses, used = self.poses, self.poses.used
+        frame = self.instances.frame().with_columns(
+            est_id=pl.Series(estimate_ids(self.results)),
+            principal_est_id=pl.Series(self.instances.est_id),
+        )
+        columns: dict[str, ndarray] = {
+            "score": self.score,
+            "views": self.views,
+            "estimates": used.sum(axis=(1, 2)),
+            "dropped_views": (_any(poses.dropped) & ~_any(used)).sum(axis=1),
+            "dropped_estimates": poses.dropped.sum(axis=(1, 2)),
+            "doubtful_views": self.gathered.doubtful,
+            "own_image_dropped": ~_any(used)[:, 0],
+            "parallax_deg": np.rad2deg(poses.parallax_rad),
+            "along_m": poses.along_m,
+            "across_m": poses.across_m,
+            "rotation_rad": poses.rotation_rad,
+        }
+        for frame_name, matrix in (("cam", poses.covariance), ("obj", poses.covariance_obj)):
+            for i, j in zip(*np.triu_indices(6), strict=True):
+                columns[f"cov_{frame_name}_{i}{j}"] = matrix[:, i, j]
+        first = [*KEY_COLUMNS, "principal_est_id"]
+        return frame.select(first).with_columns(
+            *(pl.Series(name, values) for name, values in columns.items())
+        )
+
+    def summary(self) -> list[str]:
+        """Say how many views entered, and what was dropped and why, in words."""
+        used, dropped = self.poses.used, self.poses.dropped
+        counts = ", ".join(
+            f"{int((self.views == v).sum())} from {v} view{'s' if v > 1 else ''}"
+            for v in np.unique(self.views)
+        )
+        lines = [f"{len(self)} instances: {counts}", *self.gathered.single_views()]
+        views = int((_any(dropped) & ~_any(used)).sum())
+        own = int((~_any(used)[:, 0]).sum())
+        alone = int((dropped & _any(used)[..., None]).sum())
+        if views:
+            lines.append(
+                f"dropped {views} views that contradict the others (a moved object, a wrong "
+                "association or a gross error)"
+            )
+        if own:
+            lines.append(
+                f"of these, {own} are the judged image's own: if objects may have been moved "
+                "before it, do not rely on these poses (own_image_dropped)"
+            )
+        if alone:
+            names = [
+                f"{name} {int((dropped & _any(used)[..., None])[..., k].sum())}"
+                for k, name in enumerate(self.estimators)
+            ]
+            lines.append(f"dropped {alone} estimates that contradict the rest: {', '.join(names)}")
+        return lines
+
+
+@checked(
+    results=mapping(a(Results), "estimator"),
+    motion=a(CameraMotion),
+    dataset=NAME,
+    principal=NAME,
+    models=mapping(a(Models), "dataset"),
+    noise=a(CameraNoise),
+    views_from=NAME,
+    max_views=number(1.0, 1000.0),
+    min_parallax_rad=number(0.0, np.pi),
+    spreads=a(Spreads),
+)
+def fuse_estimates(
+    results: Mapping[str, Results],
+    motion: CameraMotion | None = None,
+    *,
+    dataset: str,
+    principal: str | None = None,
+    models: Mapping[str, Models] | None = None,
+    noise: CameraNoise | None = None,
+    views_from: ViewsFrom = "earlier",
+    max_views: int = 3,
+    min_parallax_rad: float = MIN_PARALLAX_RAD,
+    spreads: Spreads | None = None,
+) -> FusedEstimates:
+    """Fuse K >= 1 estimators' poses over the views of static scenes.
+
+    Parameters
+    ----------
+    results
+        Estimator's name to its results on one dataset.
+    motion
+        The camera's pose in each image; None fuses the estimators of each image alone.
+    dataset
+        The dataset's name.
+    principal
+        The estimator whose estimates are the instances; by default the first.
+    models
+        Dataset's name to its object models: symmetries, and diameters for checks.
+    noise
+        Standard deviations of the camera motion; none by default.
+    views_from
+        ``earlier`` images of the scene alone (smaller ``im_id``), or ``all``.
+    max_views
+        At most this many, the judged image included.
+    min_parallax_rad
+        Least angle between any two of them, seen from the object.
+    spreads
+        Of :func:`~graspcast.views.spread.learn_spreads`; the default for every estimator otherwise.
+
+    Raises
+    ------
+    InputError
+        If there is no estimate, or an option is not known.
+    UnknownNameError
+        For a principal that is none of the estimators.
+    MismatchError
+        If the camera motion is of other scenes, or contradicts the estimates; or an estimator's
+        poses agree with the others' only in another convention.
+    """
+    names = tuple(results)
+    principal = principal or next(iter(names), None)
+    if principal not in names:
+        raise UnknownNameError("estimator", principal, names, parameters=("principal",))
+    if views_from not in ("earlier", "all"):
+        raise InputError(f"views_from should be 'earlier' or 'all', not {views_from!r}")
+    if max_views != int(max_views):
+        raise InputError(f"max_views should be a whole number, not {max_views}")
+    tables, _, left_out = sane_rows(results, dataset, models)
+    sane = dict(zip(names, tables, strict=True))
+    notes = list(left_out)
+    if not len(sane[principal]):
+        raise InputError(
+            f"{results[principal].source}: {principal} has no estimate to fuse",
+            parameters=("estimates", "principal"),
+        )
+    _check_estimators(sane, dataset, principal, models)
+    if motion is not None:
+        scenes = {s for table in tables for s in set(table.scene_id.tolist())}
+        if not scenes & motion.scenes:
+            raise MismatchError(
+                f"{motion.source}: the camera poses are of other scenes "
+                f"({min(motion.scenes)} …) than the estimates ({min(scenes)} …)",
+                parameters=("camera_poses",),
+            )
+        notes += filter(None, [check_motion(sane, motion)])
+    rules = ViewRules(views_from, int(max_views), float(min_parallax_rad), noise or CameraNoise())
+    spreads, symmetries = spreads or Spreads(), _symmetries(dataset, models)
+    gathered = gather(sane, motion, dataset, principal, spreads, symmetries, rules)
+    poses = fuse_poses(
+        gathered.view_T_obj,
+        gathered.cam_T_view,
+        gathered.present,
+        spreads.table(names, gathered.instances.objects),
+        noise=rules.noise,
+        symmetries=[symmetries.get(o, _NONE) for o in gathered.instances.obj_id.tolist()],
+        principal=names.index(principal),
+    )
+    return replace(
+        FusedEstimates(names, principal, gathered.instances, poses, gathered),
+        notes=tuple(notes + _impossible(poses, gathered.instances, dataset, models)),
+    )
+
+
+def _check_estimators(
+    results: Mapping[str, Results],
+    dataset: str,
+    principal: str,
+    models: Mapping[str, Models] | None,
+) -> None:
+    """Raise if two estimators are one, or the poses of one are in another convention."""
+    if len(results) < 2:
+        return
+    common = align(results, dataset=dataset, anchor=principal, required=False)
+    if len(common):
+        refuse_copies(common.estimators, common.cam_T_obj)
+        mine = (models or {}).get(dataset)
+        refuse_conventions(common.estimators, common.cam_T_obj, common.obj_id, mine)
+
+
+_NONE = np.eye(4)[None]
+
+
+def _any(entries: Bool[ndarray, "n v k"]) -> Bool[ndarray, "n v"]:
+    """Return which views have an entry."""
+    return np.asarray(entries.any(axis=2))
+
+
+def _symmetries(dataset: str, models: Mapping[str, Models] | None) -> dict[int, ndarray]:
+    mine = models[dataset].info if models and dataset in models else {}
+    return {obj_id: info.symmetries for obj_id, info in mine.items()}
+
+
+def _impossible(
+    poses: FusedPoses, keys: Instances, dataset: str, models: Mapping[str, Models] | None
+) -> list[str]:
+    """Say how many fused poses cannot be, which the other verbs will refuse."""
+    from graspcast.pose.sanity import pose_problems
+
+    sizes = diameters([dataset] * len(keys), keys.obj_id.tolist(), models)
+    bad = [text for text in pose_problems(poses.cam_T_obj, sizes) if text]
+    return [f"{len(bad)} fused poses cannot be: one {bad[0]}"] if bad else []

@@ -1,0 +1,81 @@
+"""Gathering of estimates from the views of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from graspcast.bop.results import Results
+from graspcast.views.camera_motion import CameraMotion, CameraNoise
+from graspcast.views.gathering import Gathered, ViewRules, gather
+from graspcast.views.spread import Spreads
+from static_scenes import estimates_of, motion_of, objects, orbit, scattered, seen
+
+CAMERAS = orbit(8)
+POSES = seen(CAMERAS, objects(2))
+
+
+def gathered(results: Mapping[str, Results], motion: CameraMotion | None, **rules: Any) -> Gathered:
+    given = {"views_from": "all", "max_views": 3, "min_parallax_rad": np.deg2rad(12)} | rules
+    return gather(results, motion, "d", "a", Spreads(), {}, ViewRules(noise=CameraNoise(), **given))
+
+
+def test_views_are_other_images_of_the_scene() -> None:
+    results = {"a": estimates_of(POSES), "b": estimates_of(scattered(POSES, 1))}
+    found = gathered(results, motion_of(CAMERAS))
+    assert found.present.shape == (16, 3, 2) and found.present.all()
+    assert (found.view_im_id[:, 0] == found.instances.im_id).all()
+    assert (found.view_im_id[:, 1:] != found.instances.im_id[:, None]).all()
+    carried = found.cam_T_view[:, :, None] @ found.view_T_obj
+    np.testing.assert_allclose(carried[:, 1:, 0], carried[:, :1, 0].repeat(2, 1), atol=1e-9)
+
+
+def test_earlier_images_alone() -> None:
+    found = gathered({"a": estimates_of(POSES)}, motion_of(CAMERAS), views_from="earlier")
+    there = found.view_im_id >= 0
+    assert (np.where(there, found.view_im_id, -1)[:, 1:] < found.instances.im_id[:, None]).all()
+    assert found.present[found.instances.im_id == 0].sum() == 2
+    assert found.single == {
+        "have no earlier image with an estimate of the object": 2,
+        "have no earlier image from another direction (parallax too small)": 2,
+    }
+
+
+def test_why_there_is_one_view_is_counted() -> None:
+    results = {"a": estimates_of(POSES)}
+    some = CameraMotion({k: v for k, v in motion_of(CAMERAS).world_T_cam.items() if k[1] > 1})
+    assert gathered(results, some).single == {"have no camera pose": 4}
+    same = motion_of(np.repeat(CAMERAS[:1], 8, axis=0))
+    assert gathered(results, same).single == {
+        "have no other image from another direction (parallax too small)": 16
+    }
+    assert gathered(results, None, max_views=1).single == {}
+    assert gathered(results, motion_of(CAMERAS), max_views=1).present.shape == (16, 1, 1)
+
+
+def test_a_view_by_one_of_two_estimators_serves() -> None:
+    b = estimates_of(POSES)
+    results = {"a": estimates_of(POSES), "b": b.select(b.im_id != 4)}
+    found = gathered(results, motion_of(CAMERAS))
+    i = int(np.flatnonzero((found.instances.im_id == 4) & (found.instances.obj_id == 1))[0])
+    assert found.present[i].tolist() == [[True, False], [True, True], [True, True]]
+
+
+def test_instances_of_one_object_keep_their_own_views() -> None:
+    results = {"a": estimates_of(scattered(POSES, 2), obj_ids=[1, 1])}
+    found = gathered(results, motion_of(CAMERAS))
+    assert found.present.all() and not found.doubtful.any()
+    carried = (found.cam_T_view[:, :, None] @ found.view_T_obj)[:, :, 0, :3, 3]
+    assert np.linalg.norm(carried - carried[:, :1], axis=-1).max() < 0.07
+
+
+def test_views_in_doubt_are_left_out_and_counted() -> None:
+    near = objects(2)
+    near[1] = near[0]
+    near[1, :3, 3] += [0.006, 0.0, 0.0]
+    poses = scattered(seen(CAMERAS, near), 3)
+    found = gathered({"a": estimates_of(poses, obj_ids=[1, 1])}, motion_of(CAMERAS))
+    assert found.doubtful.sum() > 16
+    assert any("not sure which of several" in line for line in found.single_views())
