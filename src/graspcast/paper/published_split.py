@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from os import PathLike
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy import ndarray
 
 from graspcast.errors import FormatError
 from graspcast.estimates.alignment import Estimates
-from graspcast.io.reading import read_bytes
+from graspcast.io.tables import read_csv
 
 __all__ = ["published_part", "read_split"]
 
@@ -25,10 +24,7 @@ def read_split(path: str | PathLike[str]) -> pl.DataFrame:
         If a column is missing, or ``split`` holds more than train and test.
     """
     columns = ("principal", "gripper", "dataset", "scene_id", "im_id", "obj_id", "split")
-    try:
-        frame = pl.read_csv(io.BytesIO(read_bytes(path)))
-    except pl.exceptions.PolarsError as error:
-        raise FormatError(path, f"cannot be read ({str(error).splitlines()[0]})") from error
+    frame = read_csv(path)
     missing = [name for name in columns if name not in frame.columns]
     if missing:
         raise FormatError(path, f"no column {', '.join(missing)}; found {frame.columns}")
