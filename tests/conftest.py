@@ -17,6 +17,14 @@ settings.register_profile("graspcast", deadline=None)
 settings.load_profile("graspcast")
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Let forecasters be trained on few data; pyproject.toml cannot name the category.
+
+    To resolve it imports graspcast, before run-time types could be added.
+    """
+    config.addinivalue_line("filterwarnings", "ignore::graspcast.errors.TrainingDataWarning")
+
+
 @pytest.fixture(autouse=True)
 def _run_time_types(request: pytest.FixtureRequest) -> Iterator[None]:
     """Under ``--jaxtyping-packages`` annotations hold, but where a test breaks them on purpose."""

@@ -30,7 +30,7 @@ HEADER = "principal,gripper,dataset,scene_id,im_id,obj_id,split\n"
     [
         ("principal,gripper,dataset,scene_id,im_id,obj_id\n", "no column split"),
         (HEADER + "a,parallel,d,1,2,3,validation\n", "should be train or test, but holds"),
-        ("", "cannot be read"),
+        ("", "is not a CSV file"),
     ],
 )
 def test_a_damaged_split_is_refused(tmp_path: Path, text: str, says: str) -> None:
