@@ -184,6 +184,7 @@ def test_too_few_training_instances_to_tell_is_neither_novel_nor_not() -> None:
     assert novelty.smallest_p_value == pytest.approx(smallest)
 
 
+@pytest.mark.ill_typed
 def test_arrays_of_other_shapes_are_refused() -> None:
     arrays = fitted(0).to_arrays()
     for name, changed in (("limits", arrays["limits"][:1]), ("precision", np.eye(3))):
