@@ -85,7 +85,7 @@ def test_primitives_about_as_large_as_the_mesh(pieces: list[Primitive]) -> None:
 @pytest.mark.parametrize(
     ("piece", "message"),
     [
-        (cylinder(35.0, 50.0), r"70 x 70 x 100 m large, .* 70 x 70 x 100 mm; is size_m in millimetres"),
+        (cylinder(35.0, 50.0), r"70 x 70 x 100 m .* 70 x 70 x 100 mm; is size_m in millimetres"),
         (cylinder(3.5, 5.0), "size_m in centimetres"),
         (cylinder(0.035 / 0.0254, 0.05 / 0.0254), "size_m in inches"),
         (cylinder(0.07, 0.1), "half of each side .*are these whole sides"),
