@@ -216,9 +216,6 @@ def copied(names: Sequence[str], cam_T_obj: Float[ndarray, "k n 4 4"]) -> list[s
 def _same(one: Float[ndarray, "n 4 4"], other: Float[ndarray, "n 4 4"]) -> Bool[ndarray, " n"]:
     """Find the instances of which two estimators have the same pose but for rounding."""
     with np.errstate(invalid="ignore", over="ignore"):
-        far = np.abs(one[:, 2, 3] - other[:, 2, 3]) > 2 * COPY_TOLERANCE * np.abs(one).max((1, 2))
-        if far.all():  # nearly always
-            return ~far
         apart = np.abs(one - other)[:, :3]
         distance = np.linalg.norm(one[:, :3, 3], axis=1)
         near = apart[:, :, 3].max(axis=1) <= COPY_TOLERANCE * distance

@@ -11,6 +11,7 @@ import numpy as np
 
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, TrainingDataWarning, UnknownNameError
+from graspcast.estimates.checks import diameters
 from graspcast.estimates.instances import split_object_name, unit_names
 from graspcast.forecasting.features import FeatureSet, features_of
 from graspcast.forecasting.forecaster import Forecaster
@@ -172,12 +173,9 @@ def _limitations(data: TrainingData, novelty: Novelty, predictor: Predictor) -> 
 
 def _diameters(objects: tuple[str, ...], models: Mapping[str, Models]) -> dict[str, float]:
     """Return the diameters of the objects whose models are known, metres."""
-    out = {}
-    for name in objects:
-        dataset, number = split_object_name(name)
-        if dataset in models and number in models[dataset].info:
-            out[name] = models[dataset].info[number].diameter_m
-    return out
+    names = [split_object_name(name) for name in objects]
+    sizes = diameters([name for name, _ in names], [number for _, number in names], models)
+    return {name: m for name, m in zip(objects, sizes.tolist(), strict=True) if np.isfinite(m)}
 
 
 def _card(

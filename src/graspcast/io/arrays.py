@@ -17,6 +17,7 @@ import numpy as np
 from numpy import ndarray
 
 from graspcast.errors import FormatError
+from graspcast.io.artefacts import without_digest
 from graspcast.io.files import atomic_write
 from graspcast.io.hashing import sha256
 from graspcast.io.reading import read_bytes
@@ -96,11 +97,7 @@ def read_arrays(
         return arrays
     stated = arrays.pop(_DIGEST, None)
     if stated is None:
-        raise FormatError(
-            path,
-            "has no digest: it is damaged, was written by a former version, or is something else; "
-            + remedy,
-        )
+        raise without_digest(path, remedy)
     if stated.dtype.kind != "U" or stated.tobytes() != np.array(arrays_digest(arrays)).tobytes():
         raise FormatError(path, f"is damaged: its arrays do not match its digest; {remedy}")
     return arrays

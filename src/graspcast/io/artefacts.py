@@ -11,7 +11,7 @@ from graspcast.errors import FormatError
 from graspcast.io.hashing import canonical_json, sha256
 from graspcast.io.json import read_json, write_json
 
-__all__ = ["artefact_digest", "read_artefact", "write_artefact"]
+__all__ = ["artefact_digest", "read_artefact", "without_digest", "write_artefact"]
 
 _DIGEST = "sha256"
 
@@ -62,12 +62,7 @@ def read_artefact(
     content: dict[str, Any] = read_json(path, dict)
     stated = content.pop(_DIGEST, None)
     if stated is None:
-        raise FormatError(
-            path,
-            "has no digest: it is damaged, was written by a former version, or is something else; "
-            + remedy,
-            parameters=parameters,
-        )
+        raise without_digest(path, remedy, parameters=parameters)
     if stated != artefact_digest(content):
         raise FormatError(
             path,
@@ -75,6 +70,18 @@ def read_artefact(
             parameters=parameters,
         )
     return content
+
+
+def without_digest(
+    path: str | PathLike[str], remedy: str, *, parameters: tuple[str, ...] = ()
+) -> FormatError:
+    """Return the error that a file carries no digest; arguments as of :func:`read_artefact`."""
+    return FormatError(
+        path,
+        "has no digest: it is damaged, was written by a former version, or is something else; "
+        + remedy,
+        parameters=parameters,
+    )
 
 
 def artefact_digest(content: Mapping[str, Any]) -> str:
