@@ -7,6 +7,7 @@ import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -103,6 +104,8 @@ class VerdictRow:
         Attempt or abstain, and why.
     cam_T_obj
         The principal's pose, which would guide the grasp, metres, (4, 4).
+    views
+        From how many images the forecast is.
     """
 
     key: InstanceKey
@@ -111,6 +114,7 @@ class VerdictRow:
     verdict: Verdict
     cam_T_obj: Float[ndarray, "4 4"]
     grasp: str = REFERENCE_GRASP
+    views: int = 1
 
     def __repr__(self) -> str:
         return f"VerdictRow({self.key} by {self.principal}, {self.gripper} gripper: {self.verdict})"
@@ -207,7 +211,7 @@ def verdict_rows(
     principal, gripper, grasp
         Who guides which grasp by which gripper.
     """
-    who = {"principal": principal, "gripper": gripper, "grasp": grasp}
+    who: dict[str, Any] = {"principal": principal, "gripper": gripper, "grasp": grasp}
     triples = zip(estimates.instances.to_keys(), verdicts, estimates.of(principal), strict=True)
     rows = [VerdictRow(key, verdict=given, cam_T_obj=pose, **who) for key, given, pose in triples]
     for gap in estimates.incomplete:

@@ -59,6 +59,9 @@ class FusedPoses:
         Which were given, but contradict the others, (n, V, K).
     parallax_rad
         The largest angle between the viewing rays that entered, (n,).
+    cam_T_est
+        Each estimate in the judged image's camera frame, of equivalent ones by symmetry the one
+        nearest to the others, (n, V, K, 4, 4).
     """
 
     cam_T_obj: Float[ndarray, "n 4 4"]
@@ -66,6 +69,7 @@ class FusedPoses:
     used: Bool[ndarray, "n v k"]
     dropped: Bool[ndarray, "n v k"]
     parallax_rad: Float[ndarray, " n"]
+    cam_T_est: Float[ndarray, "n v k 4 4"]
 
     @property
     def covariance_obj(self) -> Float[ndarray, "n 6 6"]:
@@ -150,7 +154,8 @@ def fuse_poses(
     """
     _check(view_T_obj, cam_T_view, present, spread)
     if not len(present):
-        return FusedPoses(np.zeros((0, 4, 4)), np.zeros((0, 6, 6)), present, present, np.zeros(0))
+        none, parallax = np.zeros((0, 6, 6)), np.zeros(0)
+        return FusedPoses(view_T_obj[:, 0, 0], none, present, present, parallax, view_T_obj)
     entries = _entries(view_T_obj, cam_T_view, present, spread, noise or CameraNoise())
     entries = _turned(entries, symmetries)
     pose, covariance, distance = _solve(entries, _medoid(entries))
@@ -162,7 +167,8 @@ def fuse_poses(
         pose[rows], covariance[rows], again = _solve(some, _medoid(some))
         agrees = kept[rows] & (again <= CONTRADICTION)
         kept[rows] = np.where(agrees.any(axis=(1, 2), keepdims=True), agrees, kept[rows])
-    return FusedPoses(pose, covariance, kept, present & ~kept, _parallax(entries, kept))
+    parallax = _parallax(entries, kept)
+    return FusedPoses(pose, covariance, kept, present & ~kept, parallax, entries.pose)
 
 
 def _any(given: ndarray) -> Bool[ndarray, "n v"]:

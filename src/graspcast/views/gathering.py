@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.bop.results import Results, score_order
-from graspcast.estimates.alignment import partners
+from graspcast.estimates.alignment import estimate_ids, partners
 from graspcast.estimates.instances import InstanceKey, Instances, object_name
 from graspcast.pose.transforms import compose
 from graspcast.views.association import associate, pair_distances, position_covariance
@@ -67,6 +67,9 @@ class Gathered:
         Each view's camera in the judged one's frame, (n, V, 4, 4).
     view_im_id
         The views' images, -1 where there is none, (n, V).
+    est_id
+        Each estimator's own ``est_id`` of its estimate in the judged image, -1 where there is none,
+        (n, K).
     doubtful
         How many views were left out since it is not sure which instance is which, (n,).
     single
@@ -78,6 +81,7 @@ class Gathered:
     present: Bool[ndarray, "n v k"]
     cam_T_view: Float[ndarray, "n v 4 4"]
     view_im_id: Int[ndarray, "n v"]
+    est_id: Int[ndarray, "n k"]
     doubtful: Int[ndarray, " n"]
     single: Mapping[str, int] = field(default_factory=dict)
 
@@ -277,10 +281,14 @@ def _filled(
                 np.linalg.inv(work.world_T_cam[scene_id, used[0]]) @ others
             )
     poses = np.tile(np.eye(4), (n, V, K, 1, 1))
+    est_id = np.full((n, K), -1)
     for k, table in enumerate(work.tables):
         there = row[..., k] >= 0
         poses[:, :, k][there] = table.cam_T_obj[row[..., k][there]]
-    return Gathered(keys, poses, row >= 0, cam_T_view, view_im_id, doubtful, dict(work.single))
+        judged = there[:, 0]
+        est_id[judged, k] = estimate_ids(table)[row[judged, 0, k]]
+    single = dict(work.single)
+    return Gathered(keys, poses, row >= 0, cam_T_view, view_im_id, est_id, doubtful, single)
 
 
 def _by_image(table: Results) -> dict[ImageObject, list[int]]:
