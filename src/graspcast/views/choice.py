@@ -8,7 +8,9 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-__all__ = ["MIN_PARALLAX_RAD", "ViewsFrom", "choose_views", "viewing_directions"]
+from graspcast.pose.transforms import norms
+
+__all__ = ["MIN_PARALLAX_RAD", "ViewsFrom", "angles", "choose_views", "viewing_directions"]
 
 ViewsFrom = Literal["earlier", "all"]
 """Which images may serve: those with a smaller ``im_id``, or all others."""
@@ -18,11 +20,11 @@ MIN_PARALLAX_RAD = float(np.deg2rad(12.0))
 
 
 def viewing_directions(
-    position: Float[ndarray, "3"], centres: Float[ndarray, "m 3"]
-) -> Float[ndarray, "m 3"]:
-    """Return unit vectors from an object to the cameras, all in the world's frame."""
-    towards = centres - position
-    return towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-12)
+    position: Float[ndarray, "*batch 3"], centres: Float[ndarray, "*batch m 3"]
+) -> Float[ndarray, "*batch m 3"]:
+    """Return unit vectors from an object to the cameras, all in one frame."""
+    towards = centres - position[..., None, :]
+    return towards / np.maximum(norms(towards), 1e-12)
 
 
 def choose_views(
@@ -49,17 +51,19 @@ def choose_views(
     Numbers among ``others``; of equal ones the first.
     """
     chosen: list[int] = []
-    nearest = _angles(others, judged)
+    nearest = angles(others, judged)
     while len(chosen) < min(most, len(others)):
         best = int(nearest.argmax())
         if nearest[best] < max(min_parallax_rad, 1e-9):
             break
         chosen.append(best)
-        nearest = np.minimum(nearest, _angles(others, others[best]))
+        nearest = np.minimum(nearest, angles(others, others[best]))
     return np.array(chosen, dtype=np.int64)
 
 
-def _angles(directions: Float[ndarray, "m 3"], one: Float[ndarray, "3"]) -> Float[ndarray, " m"]:
-    # Accurate for small angles, unlike arccos; a view is 0 from itself.
-    half = np.linalg.norm(directions - one, axis=1) / 2
+def angles(
+    directions: Float[ndarray, "*#batch 3"], one: Float[ndarray, "*#batch 3"]
+) -> Float[ndarray, "*batch"]:
+    """Return the angles between unit vectors; accurate for small ones, unlike arccos."""
+    half = norms(directions - one)[..., 0] / 2
     return np.asarray(2 * np.arcsin(np.minimum(half, 1.0)))
