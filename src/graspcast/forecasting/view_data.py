@@ -19,8 +19,11 @@ from graspcast.views.statistics import fusion_statistics
 
 __all__ = ["TRAINING_VIEWS", "ViewData", "fuse_for_training", "view_data"]
 
-TRAINING_VIEWS = (2, 3, 5)
-"""How many views at most each training instance is fused from, once each."""
+TRAINING_VIEWS = (1, 2, 3, 5)
+"""How many views at most each training instance is fused from, once each.
+
+From one view alone the belief is learned that a further look would change.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +75,7 @@ class ViewData:
 def view_data(
     estimates: Estimates, fused: Iterable[FusedEstimates], rules: Mapping[str, float]
 ) -> ViewData:
-    """Join fused poses with training instances by key; those from one view are left out.
+    """Join fused poses with training instances by key.
 
     Parameters
     ----------
@@ -97,12 +100,13 @@ def view_data(
                 f"estimates by {', '.join(estimates.estimators)}"
             )
         row = np.array([number.get(k, -1) for k in part.instances.to_keys()], dtype=np.int64)
-        kept = (row >= 0) & (part.views > 1)
+        # What would have been from more views, and is from one, is already there.
+        kept = (row >= 0) & ((part.views > 1) | (part.poses.used.shape[1] == 1))
         rows.append(row[kept])
         poses.append(part.poses.cam_T_obj[kept])
         statistics.append(fusion_statistics(part)[kept])
         views.append(part.views[kept])
-    if not any(map(len, rows)):
+    if not any((of > 1).any() for of in views):
         raise MismatchError(
             "no training instance has a pose from several views: are the camera poses of these "
             "scenes, and are there images from different sides?",
@@ -128,7 +132,7 @@ def fuse_for_training(
     views_from: ViewsFrom = "all",
     min_parallax_rad: float = MIN_PARALLAX_RAD,
 ) -> ViewData:
-    """Fuse the training instances of every dataset with camera motion from 2, 3 and 5 views.
+    """Fuse the training instances of every dataset with camera motion from 1, 2, 3 and 5 views.
 
     Parameters
     ----------

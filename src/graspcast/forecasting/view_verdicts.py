@@ -1,4 +1,4 @@
-"""Verdicts with several views: on poses fused from them, or on estimates of a single view."""
+"""Verdicts with several views, or one: attempt, look again from another side, or abstain."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates, estimate_ids
 from graspcast.estimates.checks import copied, diameters, no_estimate_by
 from graspcast.estimates.instances import Instances
+from graspcast.forecasting.look_again import MIN_GAIN, looks_for
 from graspcast.forecasting.models.blend import Blend
 from graspcast.forecasting.models.design_matrix import nearest_to
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import Verdict, VerdictRow, check_threshold, decide
 from graspcast.io.arguments import a, checked
 from graspcast.pose.sanity import pose_problems
+from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.fused_estimates import FusedEstimates
 from graspcast.views.statistics import fusion_statistics
 
@@ -48,6 +50,10 @@ def judge(
     threshold: float | None = 0.5,
     guarantee: str | None = None,
     ood_alpha: float = OOD_ALPHA,
+    max_looks: int = 1,
+    min_gain: float = MIN_GAIN,
+    motion: CameraMotion | None = None,
+    noise: CameraNoise | None = None,
 ) -> list[VerdictRow]:
     """Decide on every instance with as many views as there are.
 
@@ -67,6 +73,16 @@ def judge(
         principal.
     threshold, guarantee, ood_alpha
         As for :meth:`Forecaster.verdicts`.
+    max_looks
+        Images in all that a robot would take. Where fewer were, and the grasp is not attempted, the
+        verdict is to look again if the expected probability of success after a further look, guided
+        by the fused pose, is higher by ``min_gain`` or more; or if there is no forecast.
+    min_gain
+        As said.
+    motion
+        Camera poses, for directions in the world's frame.
+    noise
+        Of the camera motion to a further look.
 
     Returns
     -------
@@ -93,7 +109,10 @@ def judge(
     if len(alone):
         found = frame.single(threshold=threshold, **options)
         rows |= dict(zip(alone.tolist(), found, strict=True))
-    return [rows[i] for i in range(len(fused))]
+    out = [rows[i] for i in range(len(fused))]
+    if max_looks > 1 and threshold is not None:
+        frame.look_again(out, max_looks, min_gain, motion=motion, noise=noise)
+    return out
 
 
 def view_probabilities(
@@ -234,6 +253,38 @@ class _Frame:
             )
             out.append(row)
         return out
+
+    def look_again(
+        self,
+        rows: list[VerdictRow],
+        max_looks: int,
+        min_gain: float,
+        *,
+        motion: CameraMotion | None,
+        noise: CameraNoise | None,
+    ) -> None:
+        """Replace, where a further look is allowed and pays, abstaining by looking again."""
+        fused, forecaster = self.fused, self.forecaster
+        if forecaster.view_model is None:
+            return
+        known = np.isin(fused.instances.objects, forecaster.card.objects)
+        taken = fused.gathered.present.any(axis=2).sum(axis=1)
+        waits = np.array([not row.verdict.attempt for row in rows], dtype=bool)
+        asked = np.flatnonzero(waits & known & (taken < max_looks))
+        if not len(asked):
+            return
+        statistics = fusion_statistics(fused)[asked]
+        looks = looks_for(forecaster, fused, asked, statistics, motion=motion, noise=noise)
+        for i, look in zip(asked.tolist(), looks, strict=True):
+            verdict, expected = rows[i].verdict, look.expected_probability
+            if verdict.probability is None or expected is None:
+                said, pays = "look again", True
+            else:
+                said = f"after a further look {expected:.3f} is expected"
+                pays = expected >= verdict.probability + min_gain
+            reason = f"{verdict.reason}; {said}{f' {look}' if pays else ', which does not pay'}"
+            verdict = replace(verdict, reason=reason, look=look if pays else None)
+            rows[i] = replace(rows[i], verdict=verdict)
 
     def _problems(self, rows: Int[ndarray, " m"]) -> list[str]:
         """Say for each instance with several views why there is no forecast, or nothing."""

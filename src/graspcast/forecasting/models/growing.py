@@ -168,7 +168,7 @@ def _forecast_views(
     views = matrix.views
     assert views is not None and blend.views is not None and blend.success_given_error is not None
     for k in range(len(seen)):
-        asked = test[views.row] & ~np.isnan(matrix.success[k, views.row])
+        asked = test[views.row] & (views.views > 1) & ~np.isnan(matrix.success[k, views.row])
         rows = np.flatnonzero(asked & blend.known[matrix.numbers[views.row]])
         rows = rows[matrix.numbers[views.row[rows]] >= 0]
         if len(rows):
@@ -254,9 +254,16 @@ def _grow_views(
     if (views := matrix.views) is None:
         return None
     mine = rows[views.row] & np.isfinite(views.truth).all(axis=1)
-    if not mine.any():
+    if not (mine & (views.views > 1)).any():
         return None
-    return ViewModel.fit(views.statistics[mine], views.truth[mine], views.row[mine], **forest)
+    return ViewModel.fit(
+        views.statistics[mine],
+        views.truth[mine],
+        views.row[mine],
+        views.views[mine],
+        trees=forest["trees"],
+        seed=forest["seed"],
+    )
 
 
 def _grow_direct(

@@ -66,6 +66,7 @@ class ViewModel:
         statistics: Float[ndarray, "m d"],
         truth: Float[ndarray, "m 6"],
         instance: Int[ndarray, " m"],
+        views: Int[ndarray, " m"],
         *,
         trees: int,
         seed: int,
@@ -79,12 +80,15 @@ class ViewModel:
         truth
             True poses in the fused poses' ray frames.
         instance
-            Of which training instance each is; one fusion of each counts for novelty.
+            Of which training instance each is.
+        views
+            From how many views; one fusion of each instance from several counts for novelty.
         trees, seed
             Of the error model.
         """
         errors = ErrorModel.fit(statistics, truth, trees=trees, seed=seed)
-        residuals = statistics[:, RESIDUALS]
+        several = views > 1
+        residuals, instance = statistics[several][:, RESIDUALS], instance[several]
         centre = np.quantile(residuals, _MIDDLE, axis=0)
         scale = np.maximum(np.quantile(residuals, _UPPER, axis=0) - centre, 1e-3)
         _, last = np.unique(instance[::-1], return_index=True)
