@@ -76,7 +76,9 @@ def test_what_is_wrong_is_told(scene: Path, capsys: pytest.CaptureFixture[str]) 
         (text.replace("\n1,", "\n9,"), "of other scenes (9 …) than the estimates (1 …)"),
     ):
         wrong.write_text(change)
-        err = refused([*arguments(scene), "--camera-poses", str(wrong)], capsys)
+        given = arguments(scene)
+        given[given.index("--camera-poses") + 1] = str(wrong)
+        err = refused(given, capsys)
         assert says in err and "(see --camera-poses)" in err
         assert not (scene / "fused_made-test.csv").exists()
     noise = refused(arguments(scene, "--camera-noise", "1,0.1"), capsys)

@@ -16,15 +16,13 @@ from graspcast.estimates.alignment import Estimates, IncompleteInstance
 from graspcast.estimates.instances import InstanceKey, Instances
 from graspcast.forecasting.novelty import Disagreement
 from graspcast.forecasting.verdict import (
-    COLUMNS,
     Verdict,
     VerdictRow,
     check_threshold,
     decide,
-    read_verdicts,
     verdict_rows,
-    write_verdicts,
 )
+from graspcast.forecasting.verdict_file import COLUMNS, read_verdicts, write_verdicts
 from poses import random_poses
 
 share = st.floats(0, 1)
@@ -91,9 +89,11 @@ def test_the_file_to_the_letter(tmp_path: Path) -> None:
         ),
     ]
     write_verdicts(tmp_path / "verdicts.csv", rows)
-    guide = "0.0 -1.0 0.0 1.0 0.0 0.0 0.0 0.0 1.0,100.0 -250.0 900.0"
+    guide = "0.0 -1.0 0.0 1.0 0.0 0.0 0.0 0.0 1.0,100.0 -250.0 900.0,1,,,,,,"
     assert (tmp_path / "verdicts.csv").read_bytes().decode() == (
-        "dataset,scene_id,im_id,obj_id,est_id,principal,gripper,grasp,probability,verdict,reason,R,t\n"
+        "dataset,scene_id,im_id,obj_id,est_id,principal,gripper,grasp,probability,verdict,reason,R,t,"
+        "views,look_direction,look_direction_world,look_axis,look_axis_sd_mm,look_angle_deg,"
+        "expected_probability\n"
         f"lmo,2,3,1,0,gdrnpp,parallel,reference,0.900000,attempt,probability 0.900 >= 0.5,{guide}\n"
         f'lmo,2,3,1,1,gdrnpp,parallel,reference,,abstain,"no estimate by epos, zebra",{guide}\n'
         "lmo,2,5,12,0,gdrnpp,parallel,reference,0.250000,abstain,"
@@ -150,7 +150,7 @@ def test_no_verdicts_is_a_header(tmp_path: Path) -> None:
         (
             "attempt,prob",
             "perhaps,prob",
-            "line 2: the verdict is 'perhaps', not attempt or abstain",
+            "line 2: the verdict is 'perhaps', not attempt, look again or abstain",
         ),
         ("0.900000", "1.5", "line 2: the probability is 1.5, not from 0 to 1"),
         ("0.900000", "high", "line 2: the probability is high, not from 0 to 1"),
@@ -159,10 +159,10 @@ def test_no_verdicts_is_a_header(tmp_path: Path) -> None:
         ("lmo,2,3", ",2,3", "line 2: dataset is empty"),
         ("gdrnpp", "", "line 2: principal is empty"),
         ("0.0 0.0 1.0,", "0.0 0.0 nan,", "line 2: R is not 9 finite numbers"),
-        ("0.0 0.0 0.0\n", "0.0 0.0\n", "line 2: t is not 3 finite numbers"),
+        (",0.0 0.0 0.0,1,", ",0.0 0.0,1,", "line 2: t is not 3 finite numbers"),
         (",R,t", ",R", "no column t; a verdicts file has dataset, scene_id"),
         ("verdict,", "", "no column verdict"),
-        ("lmo,2,3,1,0", "lmo,2,3,1,0,6", "line 2: should have 13 fields"),
+        ("lmo,2,3,1,0", "lmo,2,3,1,0,6", "line 2: should have 20 fields"),
         ("lmo,2,3,1", "lmo,2,99999999999999999999,1", "im_id is '99999999999999999999'"),
     ],
 )

@@ -7,8 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text
-from graspcast.cli.options import Verbs, add_inputs, add_out, inputs_of, new_verb, positive
-from graspcast.errors import GraspcastError, InputError
+from graspcast.cli.options import Verbs, add_inputs, add_out, inputs_of, new_verb
+from graspcast.cli.view_options import (
+    add_views,
+    fusion_options,
+    motion_of_directory,
+    motions_of,
+)
+from graspcast.errors import InputError
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
@@ -35,42 +41,12 @@ def add(verbs: Verbs) -> None:
         metavar="NAME",
         help="whose instances are fused (default: the first estimator)",
     )
-    verb.add_argument(
-        "--camera-poses",
-        metavar="PATH",
-        type=Path,
-        help="the camera's pose in each image: a CSV whose header states direction and unit "
-        "(world_T_cam_m), or a directory of scene folders with cam_R_w2c and cam_t_w2c in "
-        "scene_camera.json (default: those of the BOP directory)",
-    )
-    verb.add_argument(
-        "--camera-noise",
-        metavar="LENGTH,ANGLE",
-        default="0mm,0deg",
-        help="standard deviation per axis of the motion between two images, with units: "
-        "1mm,0.1deg (default: none)",
-    )
-    verb.add_argument(
-        "--views-from",
-        choices=("earlier", "all"),
-        default="earlier",
-        help="images of the scene that serve: with a smaller im_id, as for a robot, or all "
-        "(default: earlier)",
-    )
-    verb.add_argument(
-        "--max-views",
-        metavar="N",
-        type=positive,
-        default=3,
-        help="at most this many images an instance, its own included; 1 fuses the estimators of "
-        "each image alone (default: 3)",
-    )
-    verb.add_argument(
-        "--min-parallax",
-        metavar="DEG",
-        type=_degrees,
-        default=12.0,
-        help="least angle between any two views, seen from the object (default: 12)",
+    add_views(
+        verb,
+        views_from="earlier",
+        max_views="at most this many images an instance, its own included; 1 fuses the estimators "
+        "of each image alone (default: 3)",
+        why=" (default: those of the BOP directory)",
     )
     verb.add_argument(
         "--covariances",
@@ -81,25 +57,12 @@ def add(verbs: Verbs) -> None:
     add_out(verb, "the fused poses' BOP results CSV (fused_ycbv-test.csv states its dataset)")
 
 
-def _degrees(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0 <= value <= 180:
-        raise argparse.ArgumentTypeError(f"degrees from 0 to 180 are needed, not {text!r}")
-    return value
-
-
 def _fuse(options: argparse.Namespace) -> None:
-    from math import radians
-
     from graspcast.bop.results import write_results
     from graspcast.io.tables import write_table
-    from graspcast.views.camera_motion import CameraNoise
     from graspcast.views.fused_estimates import fuse_estimates
 
-    noise = CameraNoise.parse(options.camera_noise)
+    rules = fusion_options(options)
     inputs = inputs_of(options)
     if len(inputs.results) > 1:
         raise InputError(
@@ -114,10 +77,8 @@ def _fuse(options: argparse.Namespace) -> None:
         dataset=dataset,
         principal=options.principal,
         models=inputs.models,
-        noise=noise,
-        views_from=options.views_from,
         max_views=options.max_views,
-        min_parallax_rad=radians(options.min_parallax),
+        **rules,
     )
     without = [] if dataset in inputs.datasets else ["without models (--bop), no symmetry is known"]
     if options.covariances:
@@ -130,22 +91,7 @@ def _fuse(options: argparse.Namespace) -> None:
 
 
 def _motion(options: argparse.Namespace, inputs: Inputs) -> CameraMotion | None:
-    """Read the camera motion that is given, or that of the BOP directory."""
-    from graspcast.views.camera_tables import read_camera_motion
-
-    if options.camera_poses:
-        return read_camera_motion(options.camera_poses)
-    if options.max_views == 1:
-        return None
-    tried = [dataset.scenes for dataset in inputs.datasets.values()]
-    why = "there is no BOP directory that could hold them"
-    try:
-        for scenes in tried:
-            return read_camera_motion(scenes)
-    except GraspcastError as error:
-        why = str(error)
-    raise InputError(
-        f"fusing several views takes camera poses, and {why}; give them, or fuse the estimators of "
-        "each image alone, with one view at most",
-        parameters=("camera_poses", "max_views"),
-    )
+    """Return the camera motion that is given, or that of the BOP directory."""
+    for motion in motions_of(options, inputs).values():
+        return motion
+    return None if options.max_views == 1 else motion_of_directory(inputs)

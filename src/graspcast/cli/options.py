@@ -30,6 +30,7 @@ __all__ = [
     "count",
     "field_size",
     "inputs_of",
+    "maybe_named",
     "new_verb",
     "note_sizes",
     "note_software_drawing",
@@ -67,7 +68,8 @@ def _named(text: str) -> tuple[str, Path]:
     return name, Path(path)
 
 
-def _maybe_named(text: str) -> tuple[str | None, Path]:
+def maybe_named(text: str) -> tuple[str | None, Path]:
+    """Parse ``NAME=PATH`` or a path alone."""
     name = text.partition("=")[0]
     # A path may hold an equals sign; a name is none, and a directory that is there is meant.
     path_alone = "=" not in text or "/" in name or Path(text).is_dir()
@@ -92,7 +94,7 @@ def add_bop(verb: argparse.ArgumentParser, *, required: bool = False) -> None:
     verb.add_argument(
         "--bop",
         metavar="DIR",
-        type=_maybe_named,
+        type=maybe_named,
         action="append",
         default=[],
         required=required,

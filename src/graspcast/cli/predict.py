@@ -13,8 +13,10 @@ from graspcast.cli.options import (
     add_out,
     inputs_of,
     new_verb,
+    positive,
     share,
 )
+from graspcast.cli.view_options import add_views, fusion_options, motions_of
 from graspcast.errors import InputError
 
 __all__ = ["add"]
@@ -27,8 +29,9 @@ def add(verbs: Verbs) -> None:
         "predict",
         _predict,
         "verdicts on estimates",
-        "Write a verdict on every instance of the principal's: attempt or abstain. Where a\n"
-        "supporter has no estimate there is no forecast, and the verdict is to abstain.",
+        "Write a verdict on every instance of the principal's: attempt or abstain; with camera\n"
+        "poses of several images of a scene, also look again, and from where. Where a supporter\n"
+        "has no estimate there is no forecast from one view, and the verdict is to abstain.",
     )
     add_inputs(verb)
     verb.add_argument(
@@ -64,12 +67,33 @@ def add(verbs: Verbs) -> None:
         action="store_true",
         help="say in each reason which features moved the probability most",
     )
+    add_views(
+        verb,
+        views_from="earlier",
+        max_views="at most this many images an instance, its own included (default: 3)",
+        why="; the model must have been trained with them too (default: each image alone)",
+    )
+    verb.add_argument(
+        "--guide",
+        metavar="NAME",
+        help="whose pose guides the grasp: an estimator's, fused (the pose fused from several "
+        "views), or best, whichever has the highest probability (default: the model's principal)",
+    )
+    verb.add_argument(
+        "--max-looks",
+        metavar="N",
+        type=positive,
+        default=1,
+        help="images that a robot would take: where there were fewer, and a further one is "
+        "expected to help, the verdict is to look again, and from where (default: 1, never)",
+    )
     add_out(verb, "the verdicts' CSV")
 
 
 def _predict(options: argparse.Namespace) -> None:
     from graspcast.forecasting.fallbacks import Fallbacks
     from graspcast.forecasting.forecaster import Forecaster
+    from graspcast.forecasting.recorded_verdicts import ViewSettings, verdicts_with_views
     from graspcast.forecasting.verdict_file import write_verdicts
     from graspcast.guarantees.certificate import Certificate
 
@@ -78,20 +102,31 @@ def _predict(options: argparse.Namespace) -> None:
     models = Fallbacks(Forecaster.load(path) for path in options.model)
     certificates = [Certificate.load(path) for path in options.certificate]
     inputs = inputs_of(options)
-    rows = models.verdict_rows(
-        inputs,
-        threshold=0.5 if options.threshold is None else options.threshold,
-        certificates=certificates,
-        ood_alpha=options.ood_alpha,
-        explain=options.explain,
-    )
+    how = {
+        "threshold": 0.5 if options.threshold is None else options.threshold,
+        "certificates": certificates,
+        "ood_alpha": options.ood_alpha,
+    }
+    motions = motions_of(options, inputs)
+    if motions or options.guide is not None or options.max_looks > 1:
+        if options.explain:
+            raise InputError("--explain is of one view: leave out --camera-poses and --guide")
+        if certificates and motions:
+            raise InputError("the certificate is of one view: leave out --camera-poses")
+        rules = fusion_options(options) | {"guide": options.guide, "max_looks": options.max_looks}
+        settings = ViewSettings(max_views=options.max_views, **rules)
+        rows = verdicts_with_views(models, inputs, motions, settings, **how)
+    else:
+        rows = models.verdict_rows(inputs, explain=options.explain, **how)
     write_verdicts(options.out, rows)
     warnings = (f"Warning: {text}." for model in models for text in model.card.warnings)
     note(*inputs.notes, *inputs.lengths, *warnings)
     attempts = sum(row.verdict.attempt for row in rows)
+    again = sum(row.verdict.look is not None for row in rows)
     unusual = sum(row.verdict.out_of_distribution is True for row in rows)
     print_text(
         f"{options.out}: {len(rows)} verdicts, {attempts} to attempt"
+        + (f", {again} to look again" if again else "")
         + (f", {unusual} out of distribution" if unusual else "")
     )
     for certificate in certificates:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from graspcast.cli.console import note, print_table, print_text, progress_bar
 from graspcast.cli.options import (
@@ -18,10 +18,12 @@ from graspcast.cli.options import (
     positive,
     write_json,
 )
+from graspcast.cli.view_options import add_views, fusion_options, motions_of
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
     from graspcast.forecasting.training_data import TrainingData
+    from graspcast.io.progress import Progress
 
 __all__ = ["add"]
 
@@ -59,6 +61,11 @@ def add(verbs: Verbs) -> None:
         help="the two-stage model and the direct forest blended (default), or either alone; a "
         "threshold on ADD; the paper's networks for each object, or for all; blend and two-stage "
         "need ground truth",
+    )
+    add_views(
+        verb,
+        views_from="all",
+        why="; with them, the model also forecasts with several views, and one estimator is enough",
     )
     _add_forest_options(verb)
     _add_network_options(verb)
@@ -148,10 +155,7 @@ def _train(options: argparse.Namespace) -> None:
         note("no scores, since without --outcomes there are no outcomes to compare forecasts with")
     if scored and options.folds > 1:
         with progress_bar("cross-validating") as move:
-            found = cross_validate(
-                data, folds=options.folds, seed=options.seed, progress=move, **settings
-            )
-        scores["unseen_scenes"] = found.as_dict()
+            scores |= _scores(data, options, settings, move)
     if scored and options.unseen_objects:
         with progress_bar("leaving out each object") as move:
             found = cross_validate(data, by="object", progress=move, **settings)
@@ -171,18 +175,43 @@ def _train(options: argparse.Namespace) -> None:
     note(*(f"Warning: {text}." for text in card.warnings))
     write_json(options.json, {"card": card.as_dict()})
     simulated = f" ({len(card.simulated)} by simulation alone)" if card.simulated else ""
+    together = f" with {', '.join(card.supporters)}" if card.supporters else " alone"
+    seen = ", one or more views" if data.views is not None else ""
     print_text(
-        f"{options.out}: {options.principal} with {', '.join(card.supporters)}, "
-        f"{options.gripper} gripper, {len(card.objects)} objects{simulated}, "
+        f"{options.out}: {options.principal}{together}{seen}, {options.gripper} gripper, {len(card.objects)} objects{simulated}, "
         f"{card.samples} samples"
     )
 
 
+def _scores(
+    data: TrainingData, options: argparse.Namespace, settings: dict[str, Any], move: Progress
+) -> dict[str, dict[str, Any]]:
+    """Return cross-validated scores on unseen scenes, with several views too if there are any."""
+    from graspcast.evaluation.cross_validation import cross_validate, cross_validated_with_views
+    from graspcast.evaluation.scores import score
+
+    how = {"folds": options.folds, "seed": options.seed, "progress": move, **settings}
+    if data.views is None:
+        return {"unseen_scenes": cross_validate(data, **how).as_dict()}
+    tried = data.tried()
+    out = {}
+    names = ("unseen_scenes", "unseen_scenes_views")
+    for name, found in zip(names, cross_validated_with_views(data, **how), strict=True):
+        known = ~np.isnan(found)
+        if known.any():
+            success = tried.own_success[known] == 1
+            out[name] = score(found[known], success, tried.objects[known]).as_dict()
+    return out
+
+
 def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
     """Read the training data; adds to the notes what some instances lack."""
+    from dataclasses import replace
+
     from graspcast.errors import InputError
     from graspcast.estimates.loading import load_outcomes
     from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+    from graspcast.forecasting.view_data import fuse_for_training
 
     if not (options.outcomes or options.simulated):
         raise InputError(
@@ -205,6 +234,16 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
         inputs.notes.append(f"{untried} instances have no outcome")
     if truth is not None and (unknown := int((~data.has_truth).sum())):
         inputs.notes.append(f"{unknown} instances have no ground truth")
+    if motions := motions_of(options, inputs):
+        if options.method not in ("blend", "two-stage"):
+            raise InputError(
+                f"the method {options.method} does not forecast with several views; blend and "
+                "two-stage do",
+                parameters=("method", "camera_poses"),
+            )
+        rules = fusion_options(options)
+        views = fuse_for_training(inputs, motions, estimates, options.principal, **rules)
+        data = replace(data, views=views)
     return data
 
 

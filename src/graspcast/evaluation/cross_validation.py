@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
+from graspcast.bop.models import Models
 from graspcast.errors import InputError
 from graspcast.estimates.instances import scene_groups
 from graspcast.evaluation.scores import Scores, score
+from graspcast.forecasting.forecaster import Forecaster
+from graspcast.forecasting.models.blend import Blend
+from graspcast.forecasting.models.design_matrix import nearest_to
 from graspcast.forecasting.splits import by_group, by_object
 from graspcast.forecasting.train import fit_forecaster
 from graspcast.forecasting.training_data import TrainingData
 from graspcast.io.arguments import a, checked
 from graspcast.io.progress import Progress, step_of
 
-__all__ = ["cross_validate", "cross_validated"]
+__all__ = ["cross_validate", "cross_validated", "cross_validated_with_views"]
+
+SCORED_VIEWS = 3
+"""From at most how many views the instances are forecast that scores with views are of."""
 
 
 def cross_validated(
@@ -58,6 +66,86 @@ def cross_validated(
         If, by object, fewer than two objects have outcomes.
     """
     tried = training_data.tried()
+    probability = np.full(len(tried), np.nan)
+    for test, forecaster in _folds(
+        training_data, tried, by=by, folds=folds, seed=seed, progress=progress, **options
+    ):
+        if forecaster.card.supporters:
+            probability[test] = forecaster.probability(
+                tried.estimates.select(test), options.get("models"), unseen_objects=by == "object"
+            )
+    return probability
+
+
+def cross_validated_with_views(
+    training_data: TrainingData,
+    *,
+    folds: int = 5,
+    seed: int = 0,
+    progress: Progress | None = None,
+    **options: Any,
+) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+    """Forecast each tried instance from one view, and from up to three, without its scene.
+
+    Parameters
+    ----------
+    training_data
+        With :attr:`TrainingData.views`.
+    folds, seed, progress, options
+        As for :func:`cross_validated`.
+
+    Returns
+    -------
+        Out-of-fold probabilities of ``training_data.tried()`` from one view (NaN without
+        supporters), and from two or three (NaN where there are no other views); each guided by the
+        principal's single view.
+    """
+    tried = training_data.tried()
+    single, several = np.full(len(tried), np.nan), np.full(len(tried), np.nan)
+    models = options.get("models")
+    for test, forecaster in _folds(
+        training_data, tried, by="scene", folds=folds, seed=seed, progress=progress, **options
+    ):
+        mine = tried.select(test)
+        if forecaster.card.supporters:
+            single[test] = forecaster.probability(mine.estimates, models)
+        assert mine.views is not None
+        rows, found = _seen(forecaster, mine, models or {})
+        several[test[rows]] = found
+    return single, several
+
+
+def _seen(
+    forecaster: Forecaster, data: TrainingData, models: Mapping[str, Models]
+) -> tuple[Int[ndarray, " m"], Float[ndarray, " m"]]:
+    """Forecast instances with two or three views; return their numbers and the probabilities."""
+    views, blend = data.views, forecaster.predictor
+    assert views is not None
+    if not isinstance(blend, Blend) or blend.views is None:
+        return np.empty(0, dtype=np.int64), np.empty(0)
+    kept = np.flatnonzero((views.views > 1) & (views.views <= SCORED_VIEWS))
+    order = kept[np.lexsort((views.views[kept], views.row[kept]))]
+    _, first = np.unique(views.row[order][::-1], return_index=True)
+    last = order[len(order) - 1 - first]
+    row, estimates = views.row[last], data.estimates
+    guide = estimates.of(data.principal)[row]
+    of = (estimates.dataset[row], estimates.obj_id[row], models)
+    fused = nearest_to(guide, views.cam_T_fused[last], *of)
+    numbers = forecaster.card.numbers_of(estimates.objects[row].tolist(), unseen=True)
+    return row, blend.view_probability(views.statistics[last], fused, guide, numbers)
+
+
+def _folds(
+    training_data: TrainingData,
+    tried: TrainingData,
+    *,
+    by: Literal["scene", "object"],
+    folds: int,
+    seed: int,
+    progress: Progress | None,
+    **options: Any,
+) -> Iterator[tuple[Int[ndarray, " m"], Forecaster]]:
+    """Yield the tested rows of each fold, and the forecaster trained without them."""
     # Groups are those of all instances, tried or not: an untried one in the test fold's scenes is
     # left out of training too.
     if by == "scene":
@@ -73,19 +161,15 @@ def cross_validated(
                 parameters=("unseen_objects", "objects"),
             )
         parts = list(by_object(own))
-    probability = np.full(len(tried), np.nan)
     for i, (_, test) in enumerate(parts):
         train = training_data.select(~np.isin(groups, own[test]))
         step = step_of(progress, i, len(parts), f"fold {i + 1} of {len(parts)}")
-        forecaster = fit_forecaster(train, progress=step, **options)
+        who = {"guides": (training_data.principal,)}
+        forecaster = fit_forecaster(train, progress=step, **{**who, **options})
         if by == "scene":
             test = test[np.isin(tried.objects[test], forecaster.card.objects)]
-        if not len(test):
-            continue
-        probability[test] = forecaster.probability(
-            tried.estimates.select(test), options.get("models"), unseen_objects=by == "object"
-        )
-    return probability
+        if len(test):
+            yield test, forecaster
 
 
 @checked(training_data=a(TrainingData))
