@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,7 +32,13 @@ from graspcast.views.spread import Spreads
 if TYPE_CHECKING:
     from polars import DataFrame
 
-__all__ = ["FusedEstimates", "fuse_estimates"]
+__all__ = [
+    "FusedEstimates",
+    "check_estimators",
+    "fuse_estimates",
+    "fuse_sane",
+    "sane_estimates",
+]
 
 _HALF_SCORE_M = 0.01
 
@@ -229,17 +235,10 @@ def fuse_estimates(
         raise InputError(f"views_from should be 'earlier' or 'all', not {views_from!r}")
     if max_views != int(max_views):
         raise InputError(f"max_views should be a whole number, not {max_views}")
-    tables, _, left_out = sane_rows(results, dataset, models)
-    sane = dict(zip(names, tables, strict=True))
-    notes = list(left_out)
-    if not len(sane[principal]):
-        raise InputError(
-            f"{results[principal].source}: {principal} has no estimate to fuse",
-            parameters=("estimates", "principal"),
-        )
-    _check_estimators(sane, dataset, principal, models)
+    sane, notes = sane_estimates(results, dataset, principal, models)
+    check_estimators(sane, dataset, principal, models)
     if motion is not None:
-        scenes = {s for table in tables for s in set(table.scene_id.tolist())}
+        scenes = {s for table in sane.values() for s in set(table.scene_id.tolist())}
         if not scenes & motion.scenes:
             raise MismatchError(
                 f"{motion.source}: the camera poses are of other scenes "
@@ -248,7 +247,54 @@ def fuse_estimates(
             )
         notes += filter(None, [check_motion(sane, motion)])
     rules = ViewRules(views_from, int(max_views), float(min_parallax_rad), noise or CameraNoise())
-    spreads, symmetries = spreads or Spreads(), _symmetries(dataset, models)
+    return fuse_sane(
+        sane,
+        motion,
+        rules,
+        spreads or Spreads(),
+        dataset=dataset,
+        principal=principal,
+        models=models,
+        notes=notes,
+    )
+
+
+def sane_estimates(
+    results: Mapping[str, Results],
+    dataset: str,
+    principal: str,
+    models: Mapping[str, Models] | None,
+) -> tuple[dict[str, Results], list[str]]:
+    """Leave out poses that cannot be, and say how many.
+
+    Raises
+    ------
+    InputError
+        If none by the principal remains.
+    """
+    tables, _, left_out = sane_rows(results, dataset, models)
+    sane = dict(zip(results, tables, strict=True))
+    if not len(sane[principal]):
+        raise InputError(
+            f"{results[principal].source}: {principal} has no estimate to fuse",
+            parameters=("estimates", "principal"),
+        )
+    return sane, list(left_out)
+
+
+def fuse_sane(
+    sane: Mapping[str, Results],
+    motion: CameraMotion | None,
+    rules: ViewRules,
+    spreads: Spreads,
+    *,
+    dataset: str,
+    principal: str,
+    models: Mapping[str, Models] | None,
+    notes: Sequence[str] = (),
+) -> FusedEstimates:
+    """Gather and fuse estimates that have passed all checks; see :func:`fuse_estimates`."""
+    names, symmetries = tuple(sane), _symmetries(dataset, models)
     gathered = gather(sane, motion, dataset, principal, spreads, symmetries, rules)
     poses = fuse_poses(
         gathered.view_T_obj,
@@ -259,13 +305,12 @@ def fuse_estimates(
         symmetries=[symmetries.get(o, _NONE) for o in gathered.instances.obj_id.tolist()],
         principal=names.index(principal),
     )
-    return replace(
-        FusedEstimates(names, principal, gathered.instances, poses, gathered),
-        notes=tuple(notes + _impossible(poses, gathered.instances, dataset, models)),
-    )
+    found = _impossible(poses, gathered.instances, dataset, models)
+    keys = gathered.instances
+    return FusedEstimates(names, principal, keys, poses, gathered, (*notes, *found))
 
 
-def _check_estimators(
+def check_estimators(
     results: Mapping[str, Results],
     dataset: str,
     principal: str,

@@ -43,12 +43,15 @@ class ViewRules:
         Least angle between any two.
     noise
         Of the camera motion.
+    images
+        The images (scene_id, im_id) whose instances are wanted; None for all.
     """
 
     views_from: ViewsFrom
     max_views: int
     min_parallax_rad: float
     noise: CameraNoise
+    images: frozenset[tuple[int, int]] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +230,8 @@ def gather(
     images: list[list[int]] = []
     doubtful: list[int] = []
     for key in sorted(work.rows[first]):
+        if rules.images is not None and key[:2] not in rules.images:
+            continue
         together = [by_image.get(key, []) for by_image in work.rows]
         own = [
             [-1 if row is None else row for row in found]
