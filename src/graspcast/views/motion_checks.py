@@ -103,6 +103,9 @@ def check_looks(results: Mapping[str, Results], motion: CameraMotion, im_id: int
         Naming the unit, direction or convention with which they would agree.
     """
     pairs = list(_pairs_with(results, motion, im_id))
+    cameras = {image for _, image in motion.world_T_cam}
+    if im_id not in cameras or len(cameras) == 1:
+        return ""
     if not pairs:
         return "the camera poses could not be checked: no object is in another look too"
     a, b, t_a, t_b = (np.stack([pair[i] for pair in pairs]) for i in range(1, 5))

@@ -1,0 +1,357 @@
+"""Looks: what estimators saw of one static scene, look by look, fused without files.
+
+A look is one image: its estimates, the camera's pose in the world, and, if wanted, intrinsics and
+time. Looks are numbered from 0, in the order in which they are given; the last one is judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from graspcast.bop.models import Models
+from graspcast.bop.results import Results
+from graspcast.bop.unit_checks import camera_problem
+from graspcast.errors import InputError, UnknownNameError
+from graspcast.estimates.instances import split_object_name
+from graspcast.estimates.selection import listed
+from graspcast.io.arguments import NAME, a, checked, mapping, number, refuse_unless, sequence
+from graspcast.pose.conventions import MIN_INSTANCES
+from graspcast.pose.sanity import as_pose
+from graspcast.views.camera_motion import CameraMotion, CameraNoise, rigid
+from graspcast.views.choice import MIN_PARALLAX_RAD
+from graspcast.views.fused_estimates import (
+    FusedEstimates,
+    check_estimators,
+    fuse_sane,
+    sane_estimates,
+)
+from graspcast.views.gathering import ViewRules
+from graspcast.views.motion_checks import check_looks
+from graspcast.views.spread import Spreads
+
+__all__ = ["Look", "check_order", "fuse_looks"]
+
+_ESTIMATES = mapping(
+    (lambda value: isinstance(value, Results | Mapping), "Results, or a dict of poses by object"),
+    "estimator",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What estimators saw in one image.
+
+    ::
+
+        Look({"epos": {"ycbv-5": cam_T_a}, "gdrnpp": {"ycbv-5": cam_T_b}}, world_T_cam)
+        Look({"epos": results_a, "gdrnpp": results_b}, world_T_cam)  # several objects, instances
+
+    Attributes
+    ----------
+    estimates
+        Estimator's name to its :class:`~graspcast.bop.results.Results` of the image, or to a
+        mapping of ``dataset-obj_id`` to its ``cam_T_obj`` in metres, None where it found nothing.
+    world_T_cam
+        The camera's pose (OpenCV's frame, z forward) in the world, metres, (4, 4); None if it is
+        not known: the look is then a single view.
+    K
+        Intrinsics in pixels, (3, 3). They are checked, and may differ between looks.
+    time_s
+        When it was, seconds; later looks have later times.
+    results
+        The estimates as results.
+    datasets
+        Datasets that objects' names state.
+    image
+        scene_id and im_id of the results; None where objects were given by name.
+
+    Raises
+    ------
+    InputError
+        For what is no pose, no rigid camera pose or no intrinsics, and for results of several
+        images.
+    """
+
+    estimates: Mapping[str, Any]
+    world_T_cam: Float[ndarray, "4 4"] | None = None
+    K: Float[ndarray, "3 3"] | None = None
+    time_s: float | None = None
+    results: Mapping[str, Results] = field(init=False, default_factory=dict)
+    datasets: frozenset[str] = field(init=False, default=frozenset())
+    image: tuple[int, int] | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        refuse_unless(_ESTIMATES, self.estimates, "Look", "estimates")
+        if self.time_s is not None:
+            refuse_unless(number(-1e12, 1e12), self.time_s, "Look", "time_s")
+        datasets: set[str] = set()
+        images: set[tuple[int, int]] = set()
+        tables = {}
+        for name, given in self.estimates.items():
+            if isinstance(given, Results):
+                images |= set(zip(given.scene_id.tolist(), given.im_id.tolist(), strict=True))
+                tables[name] = given
+            else:
+                tables[name] = _by_name(name, given, datasets)
+        if len(images) > 1:
+            some = ", ".join(f"{scene}/{image}" for scene, image in sorted(images)[:5])
+            raise InputError(
+                f"a look is one image, but its results are of {len(images)} images ({some})",
+                parameters=("estimates",),
+            )
+        object.__setattr__(self, "results", tables)
+        object.__setattr__(self, "datasets", frozenset(datasets))
+        object.__setattr__(self, "image", next(iter(images), None))
+        if self.world_T_cam is not None:
+            object.__setattr__(self, "world_T_cam", _camera_pose(self.world_T_cam))
+        if self.K is not None:
+            object.__setattr__(self, "K", _intrinsics(self.K))
+
+    def __len__(self) -> int:
+        return sum(map(len, self.results.values()))
+
+    def __repr__(self) -> str:
+        known = "with" if self.world_T_cam is not None else "without"
+        names = ", ".join(self.estimates) or "no estimator"
+        return f"Look({len(self)} estimates by {names}, {known} camera pose)"
+
+
+@checked(
+    looks=sequence(a(Look)),
+    dataset=NAME,
+    principal=NAME,
+    models=mapping(a(Models), "dataset"),
+    noise=a(CameraNoise),
+    max_views=number(1.0, 1000.0),
+    min_parallax_rad=number(0.0, np.pi),
+    spreads=a(Spreads),
+)
+def fuse_looks(
+    looks: Sequence[Look],
+    *,
+    dataset: str | None = None,
+    principal: str | None = None,
+    models: Mapping[str, Models] | None = None,
+    noise: CameraNoise | None = None,
+    max_views: int = 3,
+    min_parallax_rad: float = MIN_PARALLAX_RAD,
+    spreads: Spreads | None = None,
+) -> FusedEstimates:
+    """Fuse K >= 1 estimators' poses over looks at a static scene, for the last look's instances.
+
+    The rules are those of :func:`~graspcast.views.fused_estimates.fuse_estimates`; earlier looks
+    serve. Instances have the scene and image of the last look's results, 0 and the look's number
+    where objects were given by name; ``gathered.view_im_id`` likewise.
+
+    Parameters
+    ----------
+    looks
+        In the order in which they were taken.
+    dataset
+        The dataset's name; not needed where objects were given by name.
+    principal
+        The estimator whose estimates in the last look are the instances; by default the first that
+        has one.
+    models, noise, max_views, min_parallax_rad, spreads
+        As for ``fuse_estimates``.
+
+    Raises
+    ------
+    InputError
+        If there is no look, or the principal has no sane estimate in the last one; for looks of
+        several scenes or datasets, and for times that do not increase.
+    UnknownNameError
+        For a principal that is in no look.
+    MismatchError
+        If the camera poses agree with the estimates only in another unit, direction or convention,
+        or the poses of one estimator with those of others.
+    """
+    if not looks:
+        raise InputError("fuse_looks: there is no look", parameters=("looks",))
+    if max_views != int(max_views):
+        raise InputError(f"max_views should be a whole number, not {max_views}")
+    check_order(looks)
+    dataset = _dataset(looks, dataset)
+    names = list(dict.fromkeys(name for look in looks for name in look.results))
+    if principal is None:
+        there = [name for name, table in looks[-1].results.items() if len(table)]
+        principal = next(iter(there), next(iter(names), None))
+    if principal not in names:
+        raise UnknownNameError("estimator", str(principal), names, parameters=("principal",))
+    last = len(looks) - 1
+    results = {name: _joined(name, looks) for name in names}
+    sane, notes = sane_estimates(results, dataset, principal, models)
+    if not (sane[principal].im_id == last).any():
+        raise InputError(
+            f"{principal} has no estimate in the last look" + _because(notes),
+            parameters=("looks", "principal"),
+        )
+    if len(sane[principal]) >= MIN_INSTANCES:
+        check_estimators(sane, dataset, principal, models)
+    empty = [i for i, look in enumerate(looks) if not len(look)]
+    notes += [f"no estimate in look {listed(empty)}"] if empty else []
+    motion = _motion(looks)
+    if motion is not None and last:
+        notes += filter(None, [check_looks(sane, motion, last)])
+    rules = ViewRules(
+        "earlier",
+        int(max_views),
+        float(min_parallax_rad),
+        noise or CameraNoise(),
+        frozenset({(0, last)}),
+    )
+    found = fuse_sane(
+        sane,
+        motion,
+        rules,
+        spreads or Spreads(),
+        dataset=dataset,
+        principal=principal,
+        models=models,
+        notes=notes,
+    )
+    return _renumbered(found, looks)
+
+
+def check_order(looks: Sequence[Look]) -> None:
+    """Raise unless looks are of one scene and their times increase.
+
+    Raises
+    ------
+    InputError
+        Naming the looks.
+    """
+    scenes = sorted({look.image[0] for look in looks if look.image is not None})
+    if len(scenes) > 1:
+        raise InputError(
+            f"the looks are of different scenes ({listed(scenes)}); fuse those of each scene alone",
+            parameters=("looks",),
+        )
+    timed = [(i, look.time_s) for i, look in enumerate(looks) if look.time_s is not None]
+    for (i, before), (j, after) in pairwise(timed):
+        if not after > before:
+            raise InputError(
+                f"look {j} was at {after:g} s, and look {i} before it at {before:g} s: times "
+                "should increase from look to look",
+                parameters=("time_s", "looks"),
+            )
+
+
+def _by_name(estimator: str, poses: Mapping[Any, Any], datasets: set[str]) -> Results:
+    """Return poses by object's name as results, and add the datasets."""
+    numbers, rows = [], []
+    for name, pose in poses.items():
+        if not isinstance(name, str):
+            raise InputError(
+                f"Look: objects are given by name, for example ycbv-5, not {name!r}",
+                parameters=("estimates",),
+            )
+        dataset, obj_id = split_object_name(name)
+        datasets.add(dataset)
+        if pose is not None:
+            numbers.append(obj_id)
+            rows.append(as_pose(f"{estimator} of {name}", pose))
+    return _results(f"poses by {estimator}", numbers, rows)
+
+
+def _results(source: str, obj_id: Iterable[int], poses: Iterable[ndarray]) -> Results:
+    cam_T_obj = np.array(list(poses), dtype=np.float64).reshape(-1, 4, 4)
+    n = len(cam_T_obj)
+    zeros = np.zeros(n, dtype=np.int64)
+    numbers = np.array(list(obj_id), dtype=np.int64)
+    return Results(zeros, zeros, numbers, np.ones(n), cam_T_obj, np.full(n, -1.0), zeros, source)
+
+
+def _camera_pose(given: Any) -> Float[ndarray, "4 4"]:
+    try:
+        return rigid(given)
+    except ValueError as error:
+        raise InputError(
+            f"Look: the camera's pose world_T_cam {error}", parameters=("world_T_cam",)
+        ) from error
+
+
+def _intrinsics(given: Any) -> Float[ndarray, "3 3"]:
+    try:
+        K = np.array(given, dtype=np.float64)
+        problem = "" if K.shape == (3, 3) and np.isfinite(K).all() else "is not 3x3 finite numbers"
+    except Exception:  # tensors of other libraries raise what they like
+        K, problem = np.eye(3), "is not 3x3 finite numbers"
+    if problem := problem or camera_problem(K):
+        raise InputError(f"Look: K {problem}", parameters=("K",))
+    return K
+
+
+def _dataset(looks: Sequence[Look], given: str | None) -> str:
+    """Return the dataset of all looks.
+
+    Raises
+    ------
+    InputError
+        If there is none, or more than one.
+    """
+    stated = {name for look in looks for name in look.datasets} | ({given} if given else set())
+    if len(stated) > 1:
+        raise InputError(
+            f"the looks are of objects of different datasets: {', '.join(sorted(stated))}",
+            parameters=("looks", "dataset"),
+        )
+    if not stated:
+        raise InputError(
+            "results do not state their dataset: give its name", parameters=("dataset",)
+        )
+    return stated.pop()
+
+
+def _joined(name: str, looks: Sequence[Look]) -> Results:
+    """Return an estimator's results of all looks, whose numbers are the images."""
+    tables = [look.results.get(name) for look in looks]
+    some = [table for table in tables if table is not None]
+    im_id = [np.full(len(t), i) for i, t in enumerate(tables) if t is not None]
+    images = np.concatenate(im_id)
+    return Results(
+        scene_id=np.zeros_like(images),
+        im_id=images,
+        obj_id=np.concatenate([table.obj_id for table in some]),
+        score=np.concatenate([table.score for table in some]),
+        cam_T_obj=np.concatenate([table.cam_T_obj for table in some]),
+        time_s=np.concatenate([table.time_s for table in some]),
+        line=np.concatenate([table.line for table in some]),
+        source=some[-1].source,
+    )
+
+
+def _motion(looks: Sequence[Look]) -> CameraMotion | None:
+    known = {(0, i): look.world_T_cam for i, look in enumerate(looks)}
+    poses = {key: pose for key, pose in known.items() if pose is not None}
+    return CameraMotion(poses, "the looks' camera poses") if poses else None
+
+
+def _because(notes: Sequence[str]) -> str:
+    return f": {'; '.join(notes)}" if notes else ""
+
+
+def _renumbered(found: FusedEstimates, looks: Sequence[Look]) -> FusedEstimates:
+    """Return the fused estimates with the scene and images of the looks' results."""
+    if all(look.image is None for look in looks):
+        return found
+    scene_id = next(look.image[0] for look in looks if look.image is not None)
+    images = [i if look.image is None else look.image[1] for i, look in enumerate(looks)]
+    keys, gathered = found.instances, found.gathered
+    keys = replace(
+        keys,
+        scene_id=np.full_like(keys.scene_id, scene_id),
+        im_id=np.full_like(keys.im_id, images[-1]),
+    )
+    views = gathered.view_im_id
+    renumbered = np.where(views >= 0, np.array(images)[views], -1)
+    return replace(
+        found, instances=keys, gathered=replace(gathered, instances=keys, view_im_id=renumbered)
+    )
