@@ -31,7 +31,8 @@ from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
 from graspcast.forecasting.train import train_forecaster
-from graspcast.forecasting.verdict import read_verdicts, verdict_rows, write_verdicts
+from graspcast.forecasting.verdict import verdict_rows
+from graspcast.forecasting.verdict_file import read_verdicts, write_verdicts
 from graspcast.guarantees.certificate import Certificate
 from graspcast.guarantees.certify import certify
 from graspcast.guarantees.monitor_state import MonitorState

@@ -41,7 +41,8 @@ from graspcast.bop.results import Results, read_results, write_results
 from graspcast.estimates.alignment import align
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
-from graspcast.forecasting.verdict import verdict_rows, write_verdicts
+from graspcast.forecasting.verdict import verdict_rows
+from graspcast.forecasting.verdict_file import write_verdicts
 from graspcast.pose.transforms import rotation_from_quaternion, transform
 
 N = 10_000

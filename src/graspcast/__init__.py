@@ -58,7 +58,8 @@ if TYPE_CHECKING:
     from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.forecasting.train import train_forecaster
     from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
-    from graspcast.forecasting.verdict import Verdict, VerdictRow, read_verdicts, write_verdicts
+    from graspcast.forecasting.verdict import Verdict, VerdictRow
+    from graspcast.forecasting.verdict_file import read_verdicts, write_verdicts
     from graspcast.guarantees.certificate import Certificate
     from graspcast.guarantees.drift_monitor import DriftMonitor
     from graspcast.paper.tables import reproduce

@@ -11,7 +11,7 @@ from PIL import Image
 from commands import refused
 from graspcast.bop.results import read_results
 from graspcast.cli import main
-from graspcast.forecasting.verdict import write_verdicts
+from graspcast.forecasting.verdict_file import write_verdicts
 from graspcast.rendering.drawing import GOOD
 from overlays import verdict_row, write_estimates, written
 

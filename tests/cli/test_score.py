@@ -11,7 +11,8 @@ import pytest
 from commands import refused
 from graspcast.cli import main
 from graspcast.estimates.instances import InstanceKey
-from graspcast.forecasting.verdict import Verdict, VerdictRow, write_verdicts
+from graspcast.forecasting.verdict import Verdict, VerdictRow
+from graspcast.forecasting.verdict_file import write_verdicts
 
 
 @pytest.fixture

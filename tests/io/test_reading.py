@@ -20,7 +20,7 @@ from graspcast.bop.results import read_results
 from graspcast.errors import FormatError, GraspcastError
 from graspcast.estimates.outcomes import read_outcomes
 from graspcast.forecasting.forecaster import Forecaster
-from graspcast.forecasting.verdict import read_verdicts
+from graspcast.forecasting.verdict_file import read_verdicts
 from graspcast.guarantees.certificate import Certificate
 from graspcast.guarantees.drift_monitor import DriftMonitor
 from graspcast.io.arrays import read_arrays

@@ -7,7 +7,12 @@ import pytest
 from numpy import ndarray
 
 from graspcast.pose.transforms import rotation_from_vector, transform
-from graspcast.views.association import associate, pair_distances, position_covariance
+from graspcast.views.association import (
+    associate,
+    associate_views,
+    pair_distances,
+    position_covariance,
+)
 from graspcast.views.camera_motion import CameraNoise
 
 SPREAD = np.array([0.003, 0.012, 0.07, 0.5])
@@ -78,3 +83,12 @@ def test_the_covariance_is_along_the_ray() -> None:
     noise = CameraNoise(0.01, 0.0)
     wider = position_covariance(np.array([[0.0, 0.0, 2.0]]), SPREAD, noise)[0]
     np.testing.assert_allclose(wider - out, 1e-4 * np.eye(3), atol=1e-12)
+
+
+def test_noise_of_the_motion_makes_near_instances_doubtful() -> None:
+    side = transform(rotation_from_vector(np.array([0.0, 0.5, 0.0])), np.array([-0.38, 0.0, 0.1]))
+    mine = standing(-0.05, 0.05)
+    view_T_obj = np.linalg.inv(side) @ mine[::-1]
+    for noise, expected in ((CameraNoise(), [1, 0]), (CameraNoise(0.1, 0.0), [-1, -1])):
+        which, doubted = associate_views(mine, view_T_obj, side, (SPREAD, SPREAD), noise, ALONE)
+        assert which.tolist() == expected and (doubted == (which < 0)).all()

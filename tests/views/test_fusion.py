@@ -117,6 +117,32 @@ def test_noise_of_the_motion_widens_the_covariance_and_stays_calibrated() -> Non
     assert size[0] <= size[1] * 1.02
 
 
+def test_noise_may_differ_by_view() -> None:
+    poses, cameras, there, _ = world(4, 3, 2)
+    given = (poses, cameras, there, spreads(4, 2))
+    all_alike = np.tile([0.004, 0.005], (4, 3, 1))
+    for noise in (all_alike, np.where(np.arange(3)[:, None] == 0, 9.0, all_alike)):  # 0 is not used
+        np.testing.assert_array_equal(
+            fuse_poses(*given, noise=noise).cam_T_obj,
+            fuse_poses(*given, noise=CameraNoise(0.004, 0.005)).cam_T_obj,
+        )
+    lost = all_alike.copy()
+    lost[:, 2] = 1e300
+    without = fuse_poses(poses[:, :2], cameras[:, :2], there[:, :2], *given[3:], noise=lost[:, :2])
+    np.testing.assert_allclose(
+        fuse_poses(*given, noise=lost).cam_T_obj, without.cam_T_obj, atol=1e-6
+    )
+
+
+@pytest.mark.ill_typed
+def test_noise_that_is_none_is_refused() -> None:
+    poses, cameras, there, _ = world(4, 3, 2)
+    sizes = np.tile([0.004, 0.005], (4, 3, 1))
+    for wrong, says in ((sizes[:, :2], r"\(4, 3, 2\)"), (-sizes, "0 or"), (sizes * np.nan, "0 or")):
+        with pytest.raises(InputError, match=f"fuse_poses: noise should be {says}"):
+            fuse_poses(poses, cameras, there, spreads(4, 2), noise=wrong)
+
+
 def test_a_second_view_removes_the_error_along_the_ray() -> None:
     poses, cameras, there, true = world(300, 3, 1)
     one = fuse_poses(poses[:, :1], cameras[:, :1], there[:, :1], spreads(300, 1))

@@ -196,7 +196,7 @@ def _with_outcomes(verdicts: Path, trials: Path) -> pl.DataFrame:
     """Return verdicts with outcomes, in an order drawn at random from a seed."""
     from graspcast.estimates.outcomes import TRIAL_COLUMNS, read_outcomes
     from graspcast.evaluation.verdict_scores import with_outcomes
-    from graspcast.forecasting.verdict import read_verdicts
+    from graspcast.forecasting.verdict_file import read_verdicts
 
     both = with_outcomes(read_verdicts(verdicts), read_outcomes(trials))
     ordered = both.sort(*TRIAL_COLUMNS)

@@ -57,7 +57,7 @@ def add(verbs: Verbs) -> None:
 
 
 def _overlay(options: argparse.Namespace) -> None:
-    from graspcast.forecasting.verdict import read_verdicts
+    from graspcast.forecasting.verdict_file import read_verdicts
     from graspcast.rendering.drawing import save_png
     from graspcast.rendering.overlay_sheet import overlay_sheet, overlays
 

@@ -70,7 +70,7 @@ def add(verbs: Verbs) -> None:
 def _predict(options: argparse.Namespace) -> None:
     from graspcast.forecasting.fallbacks import Fallbacks
     from graspcast.forecasting.forecaster import Forecaster
-    from graspcast.forecasting.verdict import write_verdicts
+    from graspcast.forecasting.verdict_file import write_verdicts
     from graspcast.guarantees.certificate import Certificate
 
     if options.certificate and options.threshold is not None:

@@ -33,7 +33,7 @@ def add(verbs: Verbs) -> None:
 def _score(options: argparse.Namespace) -> None:
     from graspcast.estimates.outcomes import read_all_outcomes
     from graspcast.evaluation.verdict_scores import score_verdicts
-    from graspcast.forecasting.verdict import read_verdicts
+    from graspcast.forecasting.verdict_file import read_verdicts
 
     found = score_verdicts(
         read_verdicts(options.verdicts),

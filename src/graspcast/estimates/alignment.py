@@ -255,7 +255,7 @@ def align(
     Raises
     ------
     InputError
-        For fewer than two estimators; for what is not results; and, if required, for two names of
+        For no estimator; for what is not results; and, if required, for two names of
         one estimator.
     UnknownNameError
         For an anchor that is none of them.
@@ -264,12 +264,8 @@ def align(
         another's only in another convention (:mod:`graspcast.pose.conventions`).
     """
     names = tuple(results)
-    if len(names) < 2:
-        raise InputError(
-            f"a consensus takes at least two estimators, but there is {len(names)}: give the "
-            "results of another one too",
-            parameters=("estimates",),
-        )
+    if not names:
+        raise InputError("there are no estimators to align", parameters=("estimates",))
     anchor = anchor or names[0]
     if anchor not in names:
         raise UnknownNameError("estimator", anchor, names)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import repeat
 from os import PathLike
 from typing import Any
@@ -13,27 +13,30 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.bop.models import Models
-from graspcast.bop.results import Results
-from graspcast.estimates.alignment import Estimates, align
+from graspcast.errors import UnknownNameError
+from graspcast.estimates.alignment import Estimates
 from graspcast.forecasting.attribution import attributions
 from graspcast.forecasting.features import Features, features_of
+from graspcast.forecasting.frame_verdicts import predict_frame as _predict_frame
 from graspcast.forecasting.model_card import ModelCard
 from graspcast.forecasting.model_file import read_model, write_model
 from graspcast.forecasting.models.base import Predictor
+from graspcast.forecasting.models.blend import Blend
+from graspcast.forecasting.models.view_model import ViewModel
 from graspcast.forecasting.novelty import OOD_ALPHA, Disagreement, Novelty
 from graspcast.forecasting.pose_checks import (
     ARGUMENTS,
+    ONE_VIEW,
     estimate_problems,
     estimates_of_one,
     sane_of,
 )
 from graspcast.forecasting.verdict import (
     Verdict,
-    VerdictRow,
     check_threshold,
     decide,
-    verdict_rows,
 )
+from graspcast.forecasting.view_verdicts import judge as _judge
 from graspcast.forecasting.warm_up import warm_up as _warm_up
 from graspcast.io.arguments import checked
 
@@ -54,11 +57,16 @@ class Forecaster:
 
     card: ModelCard
     predictor: Predictor
-    novelty: Novelty
+    novelty: Novelty | None
+    """None for a single estimator, which agrees with nobody."""
     typical: Float[ndarray, " d"]
     """Medians of the training features, the baseline of attributions."""
+    others: tuple[Forecaster, ...] = ()
+    """The same for other guides, with the same forests."""
 
     warm_up = _warm_up
+    predict_frame = _predict_frame
+    judge = _judge
 
     def __repr__(self) -> str:
         card = self.card
@@ -66,6 +74,33 @@ class Forecaster:
             f"Forecaster({card.method}: {card.principal} with {', '.join(card.supporters)}; "
             f"{card.gripper} gripper, {len(card.objects)} objects, {card.samples} samples)"
         )
+
+    @property
+    def guides(self) -> tuple[str, ...]:
+        """The estimators that may guide the grasp, the principal first."""
+        return (self.card.principal, *(other.card.principal for other in self.others))
+
+    def guided_by(self, guide: str) -> Forecaster:
+        """Return the forecaster of grasps that another estimator guides.
+
+        Raises
+        ------
+        UnknownNameError
+            For an estimator that may not guide: training had too few outcomes of its grasps.
+        """
+        if guide == self.card.principal:
+            return self
+        every = (self, *self.others)
+        for other in self.others:
+            if other.card.principal == guide:
+                rest = (replace(each, others=()) for each in every if each is not other)
+                return replace(other, others=tuple(rest))
+        raise UnknownNameError("guide", guide, self.guides, parameters=("guide",))
+
+    @property
+    def view_model(self) -> ViewModel | None:
+        """The model of success with several views; None if it was trained without."""
+        return self.predictor.views if isinstance(self.predictor, Blend) else None
 
     @property
     def needs_models(self) -> bool:
@@ -140,11 +175,12 @@ class Forecaster:
             return self._disagreements(estimates)
         sane = sane_of(problems)
         found = iter(self._disagreements(estimates.select(sane)) if sane.any() else [])
-        smallest = self.novelty.smallest_p_value
+        smallest = self.card.smallest_p_value
         return [Disagreement(np.nan, smallest, why) if why else next(found) for why in problems]
 
     def _disagreements(self, estimates: Estimates) -> list[Disagreement]:
         card = self.card
+        assert self.novelty is not None
         diameter_m = card.diameters_of(estimates.objects)
         return self.novelty.assess(estimates, card.principal, card.supporters, diameter_m)
 
@@ -232,7 +268,8 @@ class Forecaster:
     ) -> list[str]:
         """Say for each instance which poses are not sane, or copies, or nothing."""
         self.card.check_estimators(estimates.estimators)
-        return estimate_problems(estimates.only(*self.card.estimators), models, self.card)
+        found = estimate_problems(estimates.only(*self.card.estimators), models, self.card)
+        return found if self.card.supporters else [why or ONE_VIEW for why in found]
 
     def _decide(
         self,
@@ -305,7 +342,7 @@ class Forecaster:
         self.card.numbers_of([object_name])
         mine = {name: poses[name] for name in self.card.estimators}
         estimates = estimates_of_one(mine, object_name)
-        (problem,) = estimate_problems(estimates, models, self.card)
+        (problem,) = self._pose_problems(estimates, models)
         if problem:
             return Verdict(False, None, problem)
         (verdict,) = self._decide(
@@ -317,53 +354,6 @@ class Forecaster:
             explain=explain,
         )
         return verdict
-
-    def predict_frame(
-        self,
-        results: Mapping[str, Results],
-        dataset: str,
-        *,
-        threshold: float = 0.5,
-        models: Mapping[str, Models] | None = None,
-        ood_alpha: float = OOD_ALPHA,
-        explain: bool = False,
-    ) -> list[VerdictRow]:
-        """Decide on every instance that the principal found in an image, or in several.
-
-        Parameters
-        ----------
-        results
-            Estimator's name to all that it found, of any objects
-            (:meth:`graspcast.bop.results.Results.from_frame` makes it from arrays).
-        dataset
-            The dataset's name, as in training.
-        threshold, models, ood_alpha, explain
-            As for :meth:`predict`.
-
-        Returns
-        -------
-            One row for each sane estimate of the principal's, ordered by instance. Where a
-            supporter found nothing, or its pose is not sane, the verdict is to abstain.
-
-        Raises
-        ------
-        MismatchError
-            For other estimators or objects than it was trained for.
-        InputError
-            For a threshold outside [0, 1].
-        """
-        check_threshold(threshold)
-        self.card.check_estimators(results)
-        card = self.card
-        mine = {name: results[name] for name in card.estimators}
-        who = {"dataset": dataset, "anchor": card.principal}
-        estimates = align(mine, **who, required=False, models=models)
-        verdicts: list[Verdict] = []
-        if len(estimates):
-            verdicts = self.verdicts(
-                estimates, models, threshold=threshold, ood_alpha=ood_alpha, explain=explain
-            )
-        return verdict_rows(estimates, verdicts, principal=card.principal, gripper=card.gripper)
 
     def _inputs(
         self, estimates: Estimates, models: Mapping[str, Models] | None, unseen: bool = False
@@ -377,7 +367,8 @@ class Forecaster:
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write one npz file of arrays and JSON, without pickle, with a digest."""
-        write_model(path, self.card, self.predictor, self.novelty, self.typical)
+        every = (self, *self.others)
+        write_model(path, [(f.card, f.predictor, f.novelty, f.typical) for f in every])
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Forecaster:
@@ -388,4 +379,5 @@ class Forecaster:
         FormatError
             If the file is missing, damaged, or not a model.
         """
-        return cls(*read_model(path))
+        first, *rest = (cls(*parts) for parts in read_model(path))
+        return replace(first, others=tuple(rest))

@@ -54,6 +54,9 @@ class ModelCard:
         at the default level.
     diameters_m
         Diameter of each object whose model is known, metres.
+    views
+        With which camera noise and least parallax it was trained on several views; empty if it was
+        not.
     warnings
         What limits the use of this forecaster, as text: few outcomes, a single scene.
     """
@@ -75,6 +78,7 @@ class ModelCard:
     smallest_p_value: float = 1.0
     diameters_m: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    views: dict[str, Any] = field(default_factory=dict)
 
     @property
     def estimators(self) -> tuple[str, ...]:
@@ -94,10 +98,10 @@ class ModelCard:
             Naming what is needed, lacking and given.
         """
         if lacking := self.lacking(given):
+            needed = [f"{self.principal} (principal)", ", ".join(self.supporters)]
             raise MismatchError(
-                f"this model needs estimates by {self.principal} (principal) and "
-                f"{', '.join(self.supporters)}, but there are none by {', '.join(lacking)}; "
-                f"given: {', '.join(given) or 'none'}",
+                f"this model needs estimates by {' and '.join(filter(None, needed))}, but there "
+                f"are none by {', '.join(lacking)}; given: {', '.join(given) or 'none'}",
                 parameters=("estimates",),
             )
 

@@ -1,4 +1,4 @@
-"""Model file: the card, the predictor, the novelty detector and the typical features, in one npz.
+"""Model file: card, predictor, novelty detector and typical features of each guide, in one npz.
 
 It holds arrays and JSON, without pickle, and carries a digest.
 """
@@ -6,7 +6,7 @@ It holds arrays and JSON, without pickle, and carries a digest.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any
 
@@ -22,8 +22,9 @@ from graspcast.forecasting.models.blend import Blend
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble
 from graspcast.forecasting.novelty import Novelty
 from graspcast.io.arrays import read_arrays, write_arrays
+from graspcast.views.statistics import STATISTICS
 
-__all__ = ["KINDS", "read_model", "write_model"]
+__all__ = ["KINDS", "Parts", "read_model", "write_model"]
 
 KINDS: Mapping[str, Any] = {
     "blend": Blend,
@@ -34,36 +35,38 @@ KINDS: Mapping[str, Any] = {
     "MLP-O": NetworkEnsemble,
 }
 """Method's name to the class of its model."""
-_FORMAT = 4
+_FORMAT = 5
 _REMEDY = "train it again"
 
 
-def write_model(
-    path: str | PathLike[str],
-    card: ModelCard,
-    predictor: Predictor,
-    novelty: Novelty,
-    typical: Float[ndarray, " d"],
-) -> None:
-    """Write the parts of a forecaster.
+Parts = tuple[ModelCard, Predictor, Novelty | None, Float[ndarray, " d"]]
+"""What a forecaster is made of, for one guide."""
+
+
+def write_model(path: str | PathLike[str], parts: Sequence[Parts]) -> None:
+    """Write the parts of a forecaster, the principal's first, then those of other guides.
 
     Raises
     ------
     InputError
         If the file cannot be written.
     """
-    arrays = {
-        "card": np.array(json.dumps({"format": _FORMAT, "card": card.as_dict()})),
-        "typical": typical,
-        **_prefixed("predictor", predictor.to_arrays()),
-        **_prefixed("novelty", novelty.to_arrays()),
-    }
+    cards = [card.as_dict() for card, *_ in parts]
+    content = {"format": _FORMAT, "card": cards[0], "others": cards[1:]}
+    arrays = {"card": np.array(json.dumps(content))}
+    for i, (_, predictor, novelty, typical) in enumerate(parts):
+        arrays[f"{i}/typical"] = typical
+        if i and isinstance(predictor, Blend):
+            mine = predictor.to_arrays(shared=False)
+        else:
+            mine = predictor.to_arrays()
+        arrays |= _prefixed(f"{i}/predictor", mine)
+        if novelty is not None:
+            arrays |= _prefixed(f"{i}/novelty", novelty.to_arrays())
     write_arrays(path, arrays)
 
 
-def read_model(
-    path: str | PathLike[str],
-) -> tuple[ModelCard, Predictor, Novelty, Float[ndarray, " d"]]:
+def read_model(path: str | PathLike[str]) -> list[Parts]:
     """Read what :func:`write_model` wrote.
 
     Raises
@@ -76,23 +79,54 @@ def read_model(
         content = json.loads(str(arrays.pop("card")))
         if content["format"] != _FORMAT:
             raise FormatError(path, f"is a model of format {content['format']}, not {_FORMAT}")
-        card = ModelCard.from_dict(content["card"])
-        predictor = KINDS[card.method].from_arrays(_below("predictor", arrays))
-        novelty = Novelty.from_arrays(_below("novelty", arrays))
-        typical = arrays["typical"]
-        if typical.ndim != 1 or typical.dtype != np.float64 or not np.isfinite(typical).all():
-            raise ValueError("the typical features are not a list of finite numbers")
-        if novelty.centre.size != 6 * len(card.supporters):
-            raise ValueError(f"{novelty.centre.size} entries for {len(card.supporters)} supporters")
-        count = len(card.objects)
-        tried = predictor.probability(np.tile(typical, (count, 1)), np.arange(count))
-        if tried.shape != (count,) or not ((tried >= 0) & (tried <= 1)).all():
-            raise ValueError("it forecasts other than probabilities")
+        cards = [ModelCard.from_dict(card) for card in (content["card"], *content["others"])]
+        if len({card.principal for card in cards}) != len(cards):
+            raise ValueError("two parts are for one guide")
+        out: list[Parts] = []
+        for i, card in enumerate(cards):
+            out.append(_part(card, _below(str(i), arrays), out[0][1] if out else None))
     except FormatError:
         raise
     except Exception as error:  # those of the parts' checks, of JSON and of NumPy have no base
         raise FormatError(path, f"is not a complete model file ({error}); {_REMEDY}") from error
+    return out
+
+
+def _part(card: ModelCard, arrays: Mapping[str, ndarray], shared: Predictor | None) -> Parts:
+    """Restore the parts of one guide; raise a ValueError if they are wrong."""
+    below = _below("predictor", arrays)
+    predictor: Predictor
+    if KINDS[card.method] is Blend:
+        predictor = Blend.from_arrays(below, shared if isinstance(shared, Blend) else None)
+    else:
+        predictor = KINDS[card.method].from_arrays(below)
+    novelty = Novelty.from_arrays(_below("novelty", arrays)) if card.supporters else None
+    typical = arrays["typical"]
+    if typical.ndim != 1 or typical.dtype != np.float64 or not np.isfinite(typical).all():
+        raise ValueError("the typical features are not a list of finite numbers")
+    if novelty is not None and novelty.centre.size != 6 * len(card.supporters):
+        raise ValueError(f"{novelty.centre.size} entries for {len(card.supporters)} supporters")
+    count = len(card.objects)
+    if isinstance(predictor, Blend) and len(predictor.tried) != count:
+        raise ValueError(f"{len(predictor.tried)} objects of {count}")
+    if novelty is not None:
+        tried = predictor.probability(np.tile(typical, (count, 1)), np.arange(count))
+        if tried.shape != (count,) or not ((tried >= 0) & (tried <= 1)).all():
+            raise ValueError("it forecasts other than probabilities")
+    if isinstance(predictor, Blend) and predictor.views is not None:
+        _check_views(predictor, count)
     return card, predictor, novelty, typical
+
+
+def _check_views(predictor: Blend, count: int) -> None:
+    """Raise a ValueError unless the view model forecasts probabilities."""
+    pose = np.tile(np.eye(4), (count, 1, 1))
+    pose[:, 2, 3] = 1.0
+    statistics = np.zeros((count, len(STATISTICS)))
+    tried = predictor.view_probability(statistics, pose, pose, np.arange(count))
+    known = tried[predictor.known]
+    if not ((known >= 0) & (known <= 1)).all():
+        raise ValueError("the view model forecasts other than probabilities")
 
 
 def _prefixed(prefix: str, arrays: Mapping[str, ndarray]) -> dict[str, ndarray]:

@@ -21,6 +21,7 @@ from graspcast.pose.sanity import as_pose, is_placeholder, pose_problems
 
 __all__ = [
     "ARGUMENTS",
+    "ONE_VIEW",
     "SIZE_TOLERANCE",
     "estimate_problems",
     "estimates_of_one",
@@ -32,6 +33,8 @@ __all__ = [
 
 SIZE_TOLERANCE = 0.1
 """Share by which an object's diameter may differ from that in training."""
+
+ONE_VIEW = "one view by one estimator: there is nothing that could contradict it"
 
 ARGUMENTS = {
     "estimates": a(Estimates),

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, TrainingDataWarning, UnknownNameError
@@ -20,6 +22,7 @@ from graspcast.forecasting.model_file import KINDS
 from graspcast.forecasting.models.add_threshold import Thresholds
 from graspcast.forecasting.models.base import Predictor
 from graspcast.forecasting.models.blend import Blend, ForestSettings
+from graspcast.forecasting.models.growing import grow_blends
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble, NetworkSettings
 from graspcast.forecasting.novelty import OOD_ALPHA, Novelty
 from graspcast.forecasting.pose_checks import refuse_most
@@ -32,7 +35,8 @@ __all__ = ["fit_forecaster", "train_forecaster"]
 
 _FEW = 50
 """Outcomes below which a warning is given."""
-_DIRECT_WEIGHT = {"blend": None, "two-stage": 0.0, "direct": 1.0}
+_LEAST = 10
+_FORESTS = {"blend": None, "two-stage": 0.0, "direct": 1.0}
 """Methods made of forests, and the weight of the direct forest if not that of the settings."""
 
 
@@ -45,11 +49,15 @@ def train_forecaster(
     settings: NetworkSettings | None = None,
     forests: ForestSettings | None = None,
     models: Mapping[str, Models] | None = None,
+    guides: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Forecaster:
     """Train a forecaster for a principal, its supporters, a gripper and objects.
 
     The order of the estimators makes no difference: they are sorted by name.
+    :meth:`Forecaster.guided_by` returns the forecaster for another principal, where its grasps have
+    outcomes too. With poses fused from several views in the training data, it also forecasts with
+    views (:meth:`Forecaster.judge`); then a single estimator is enough.
 
     Parameters
     ----------
@@ -68,6 +76,9 @@ def train_forecaster(
         Of ``blend``, ``two-stage`` and ``direct``.
     models
         Dataset's name to its object models, for all but the paper's features.
+    guides
+        The estimators that may guide besides the principal, for the methods made of forests; by
+        default all with ten or more outcomes, successes and failures among them.
     progress
         Called with the share of the work that is done and a message.
 
@@ -91,6 +102,7 @@ def train_forecaster(
         settings=settings,
         forests=forests,
         models=models,
+        guides=guides,
         progress=progress,
     )
     for text in forecaster.card.warnings:
@@ -106,6 +118,7 @@ def fit_forecaster(
     settings: NetworkSettings | None = None,
     forests: ForestSettings | None = None,
     models: Mapping[str, Models] | None = None,
+    guides: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Forecaster:
     """Train a forecaster as :func:`train_forecaster` does, without Python warnings.
@@ -121,32 +134,80 @@ def fit_forecaster(
     feature_set: str = features
     if method == "threshold":
         feature_set = "add"
-    elif method in _DIRECT_WEIGHT:
+    elif method in _FORESTS:
         feature_set, used = "full", forests or ForestSettings()
-        if (weight := _DIRECT_WEIGHT[method]) is not None:
+        if (weight := _FORESTS[method]) is not None:
             used = replace(used, direct=weight)
     else:
         pools, scales = method == "MLP-O", features == "rich"
         used = replace(settings or NetworkSettings(), pools_objects=pools, standardise=scales)
-    card = _card(scope, method, feature_set, used, models or {})
     refuse_most(data.estimates, models)
+    if method in _FORESTS:
+        return _fit_forests(scope, method, used, models or {}, guides, progress)
+    card = _card(scope, method, feature_set, used, models or {})
     values = features_of(data.estimates, card.principal, card.features, models).values
+    success, numbers = data.own_success == 1, np.searchsorted(card.objects, data.objects)
     predictor: Predictor
-    if method in _DIRECT_WEIGHT:
-        predictor = Blend.fit(data, card.objects, models or {}, used, progress=progress)
+    if method == "threshold":
+        predictor = Thresholds.fit(values, success, numbers)
     else:
-        success, numbers = data.own_success == 1, np.searchsorted(card.objects, data.objects)
-        if method == "threshold":
-            predictor = Thresholds.fit(values, success, numbers)
-        else:
-            predictor = NetworkEnsemble.fit(values, success, numbers, used, progress=progress)
-    novelty = Novelty.fit(data.estimates, card.principal, card.diameters_of(data.objects))
-    limits = _limitations(data, novelty, predictor)
-    card = replace(card, smallest_p_value=novelty.smallest_p_value, warnings=limits)
+        predictor = NetworkEnsemble.fit(values, success, numbers, used, progress=progress)
+    return _assembled(data, card, predictor, values)
+
+
+def _fit_forests(
+    scope: _Scope,
+    method: str,
+    settings: ForestSettings,
+    models: Mapping[str, Models],
+    guides: Sequence[str] | None,
+    progress: Progress | None,
+) -> Forecaster:
+    """Fit the methods made of forests, for every guide."""
+    data = scope.data
+    names = _guides(data, guides)
+    blends = grow_blends(data, names, scope.objects, models, settings, progress=progress)
+    each = []
+    for name in names:
+        mine = replace(scope, data=replace(data, principal=name))
+        card = _card(mine, method, "full", settings, models)
+        values = np.zeros((len(data), 0))
+        if card.supporters:
+            values = features_of(data.estimates, name, "full", models).values
+        each.append(_assembled(mine.data, card, blends[name], values))
+    return replace(each[0], others=tuple(each[1:]))
+
+
+def _guides(data: TrainingData, wanted: Sequence[str] | None) -> list[str]:
+    """Return the estimators that may guide, the principal first."""
+    if wanted is not None:
+        for name in wanted:
+            data.estimates.index(name)
+    out = [data.principal]
+    for name, success in zip(data.estimates.estimators, data.success, strict=True):
+        tried, held = int((~np.isnan(success)).sum()), int((success == 1).sum())
+        enough = tried >= _LEAST and 0 < held < tried
+        if name not in out and (enough if wanted is None else name in wanted):
+            out.append(name)
+    return out
+
+
+def _assembled(
+    data: TrainingData, card: ModelCard, predictor: Predictor, values: Float[ndarray, "n d"]
+) -> Forecaster:
+    """Add novelty and the card's warnings to a model."""
+    novelty = None
+    if card.supporters:
+        diameter_m = card.diameters_of(data.objects)
+        novelty = Novelty.fit(data.estimates, card.principal, diameter_m)
+        card = replace(card, smallest_p_value=novelty.smallest_p_value)
+    card = replace(card, warnings=_limitations(data, novelty, predictor))
     return Forecaster(card, predictor, novelty, np.median(values, axis=0))
 
 
-def _limitations(data: TrainingData, novelty: Novelty, predictor: Predictor) -> tuple[str, ...]:
+def _limitations(
+    data: TrainingData, novelty: Novelty | None, predictor: Predictor
+) -> tuple[str, ...]:
     """Say what the training data are too few for."""
     out = []
     outcomes, count = int(data.is_tried.sum()), len(data)
@@ -157,12 +218,12 @@ def _limitations(data: TrainingData, novelty: Novelty, predictor: Predictor) -> 
         )
     if scenes == 1:
         out.append("trained on one scene: nothing is known about forecasts in other scenes")
-    elif isinstance(predictor, Blend) and outcomes and predictor.out_of_fold is None:
+    elif isinstance(predictor, Blend) and outcomes and not predictor.is_calibrated:
         out.append(
             "probabilities are not calibrated: that takes outcomes in two scenes or more, with "
             "successes and failures in each part"
         )
-    if novelty.smallest_p_value > OOD_ALPHA:
+    if novelty is not None and novelty.smallest_p_value > OOD_ALPHA:
         out.append(
             f"{count} instances give a smallest novelty p-value of {novelty.smallest_p_value:.3f}, "
             f"and the default level is {OOD_ALPHA:g}: only a disagreement larger than in training "
@@ -183,6 +244,7 @@ def _card(
 ) -> ModelCard:
     data = scope.data
     own = data.own_success[data.is_tried]
+    seen = () if data.views is None else (data.views.statistics, data.views.cam_T_fused)
     return ModelCard(
         principal=data.principal,
         supporters=data.estimates.supporters(data.principal),
@@ -193,11 +255,12 @@ def _card(
         settings={} if settings is None else asdict(settings),
         samples=len(own),
         success_rate=float(own.sum()) / max(1, len(own)),
-        data=digest_of(data.estimates, data.success, data.truth),
+        data=digest_of(data.estimates, data.success, data.truth, *seen),
         versions=versions(),
         simulated=scope.simulated,
         scenes=tuple(sorted(set(unit_names(data.estimates.instances, "scene").tolist()))),
         diameters_m=_diameters(scope.objects, models),
+        views={} if data.views is None else dict(data.views.rules),
     )
 
 
@@ -234,13 +297,19 @@ def _scope(data: TrainingData, method: str) -> _Scope:
             "instance has a known true pose",
             parameters=("ground_truth", "bop", "method", "simulated"),
         )
-    from_forests = method in _DIRECT_WEIGHT
+    from_forests = method in _FORESTS
+    if len(data.estimates.estimators) < 2 and not (from_forests and data.views is not None):
+        raise InputError(
+            "a consensus takes at least two estimators, but there is 1: give the results of "
+            "another one too, or camera poses, so that several views of one estimator serve",
+            parameters=("estimates", "camera_poses"),
+        )
     simulated: set[str] = set()
     if from_forests and data.simulated is not None:
         simulated = set(data.simulated.objects.tolist())
     is_tried = data.is_tried
     tried, successes = int(is_tried.sum()), int((data.own_success == 1).sum())
-    if not simulated and (tried < 10 or successes in (0, tried)):
+    if not simulated and (tried < _LEAST or successes in (0, tried)):
         raise InputError(
             f"{tried} outcomes of {data.principal} with {successes} successes are too few to learn "
             "from: give at least ten, with both successes and failures",

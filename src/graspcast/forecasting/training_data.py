@@ -22,6 +22,7 @@ from graspcast.estimates.outcomes import (
     success_of_each,
 )
 from graspcast.estimates.selection import listed
+from graspcast.forecasting.view_data import ViewData
 from graspcast.io.arguments import NAME, PATH, a, checked, refuse_unless, sequence
 
 __all__ = ["SimulatedTrials", "TrainingData"]
@@ -108,6 +109,8 @@ class TrainingData:
         The error that guided each of these grasps, ``inv(cam_T_gt) @ cam_T_est``, where the
         outcomes state it (a campaign's do), NaN elsewhere, (K, n, 4, 4), or None. Where it is not
         stated it is derived from the true poses.
+    views
+        Poses of these instances fused from several views, or None.
     """
 
     estimates: Estimates
@@ -117,6 +120,7 @@ class TrainingData:
     success: Float[ndarray, "k n"]
     simulated: SimulatedTrials | None = None
     obj_T_est: Float[ndarray, "k n 4 4"] | None = None
+    views: ViewData | None = None
 
     @classmethod
     @checked(
@@ -250,10 +254,13 @@ class TrainingData:
             truth=self.truth[which],
             success=self.success[:, which],
             obj_T_est=None if self.obj_T_est is None else self.obj_T_est[:, which],
+            views=None if self.views is None else self.views.select(which, len(self)),
         )
 
     def only(self, *estimators: str) -> TrainingData:
         """Return the data without the poses and outcomes of all other estimators.
+
+        Poses fused from others too are left out.
 
         Raises
         ------
@@ -272,6 +279,7 @@ class TrainingData:
             estimates=self.estimates.only(*estimators),
             success=self.success[rows],
             obj_T_est=None if self.obj_T_est is None else self.obj_T_est[rows],
+            views=self.views if set(estimators) == set(self.estimates.estimators) else None,
         )
 
 

@@ -11,7 +11,7 @@ from graspcast.pose.transforms import compose, invert, rotation_angle
 from graspcast.views.camera_motion import CameraNoise
 from graspcast.views.fusion import CONTRADICTION
 
-__all__ = ["associate", "pair_distances", "position_covariance"]
+__all__ = ["associate", "associate_views", "pair_distances", "position_covariance"]
 
 _DOUBT = 9.0
 """Two associations whose squared Mahalanobis distances differ by less are both plausible."""
@@ -102,3 +102,40 @@ def associate(
         if distances[r, c] <= CONTRADICTION and c in owner:
             doubted[r] = distances[r, c] < distances[owner[c], c] + _DOUBT
     return out, doubted
+
+
+def associate_views(
+    cam_T_obj: Float[ndarray, "a 4 4"],
+    view_T_obj: Float[ndarray, "b 4 4"],
+    cam_T_view: Float[ndarray, "4 4"],
+    spread: tuple[Float[ndarray, "4"], Float[ndarray, "4"]],
+    noise: CameraNoise,
+    symmetries: Float[ndarray, "s 4 4"],
+) -> tuple[Int[ndarray, " a"], Bool[ndarray, " a"]]:
+    """Associate the estimates of one object in the judged image with those in another view.
+
+    Parameters
+    ----------
+    cam_T_obj, view_T_obj
+        In the judged image and in the view, each in its own camera's frame.
+    cam_T_view
+        The motion between both, with its ``noise``.
+    spread
+        Across, along, rotation and shared of the estimator of either.
+    symmetries
+        Of the object.
+
+    Returns
+    -------
+    See :func:`associate`.
+    """
+    mine, other = spread
+    turn = cam_T_view[:3, :3]
+    first = position_covariance(cam_T_obj[:, :3, 3], mine)
+    second = turn @ position_covariance(view_T_obj[:, :3, 3], other, noise) @ turn.T
+    sides = {"a": (cam_T_obj, first), "b": (compose(cam_T_view[None], view_T_obj), second)}
+    angle = float(np.hypot(mine[2], other[2]) / np.sqrt(2) + noise.rotation_rad)
+    between, of_first, of_second = (
+        pair_distances(*sides[i], *sides[j], angle, symmetries) for i, j in ("ab", "aa", "bb")
+    )
+    return associate(between, of_first, of_second)

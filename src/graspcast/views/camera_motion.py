@@ -16,6 +16,7 @@ from graspcast.io.arguments import NAME, a, checked, number, refuse_unless
 from graspcast.pose.lengths import METRES
 from graspcast.pose.sanity import rotation_problem
 from graspcast.pose.transforms import compose, invert, project_to_rotation
+from graspcast.views.motion import ViewMotions
 
 __all__ = ["CameraMotion", "CameraNoise", "rigid"]
 
@@ -23,6 +24,7 @@ _RADIANS = {"deg": np.pi / 180, "rad": 1.0}
 _NOISE = re.compile(r"\s*([0-9.eE+-]+)\s*([a-z]+)\s*,\s*([0-9.eE+-]+)\s*([a-z]+)\s*")
 _FARTHEST_M = 10_000.0
 _WHOLE = a(int, np.integer, words="a whole number")
+_NO_POSE = "have no camera pose"
 
 
 @dataclass(frozen=True)
@@ -174,6 +176,23 @@ class CameraMotion:
             raise InputError(f"{self.source}: no camera pose of image {scene_id}/{missing[0]}")
         world_T_to = self.world_T_cam[scene_id, to_image]
         return compose(invert(world_T_to), self.world_T_cam[scene_id, from_image])
+
+    def views_of(
+        self, scene_id: int, im_id: int, obj_id: int, others: Sequence[int]
+    ) -> ViewMotions:
+        """Return which of the other images serve: all that have a camera pose, whatever the object.
+
+        See :meth:`graspcast.views.motion.Motion.views_of`.
+        """
+        known = self.world_T_cam
+        there = (scene_id, im_id) in known
+        some = [i for i in others if there and (scene_id, i) in known]
+        poses = np.array([known[scene_id, i] for i in some]).reshape(-1, 4, 4)
+        if some:
+            poses = compose(invert(known[scene_id, im_id]), poses)
+        why = "" if there else _NO_POSE
+        ids = np.array(some, dtype=np.int64)
+        return ViewMotions(ids, poses, np.zeros((len(some), 2)), why=why)
 
 
 def _check_key(key: Any, source: str) -> None:

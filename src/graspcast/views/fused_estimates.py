@@ -26,6 +26,7 @@ from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.choice import MIN_PARALLAX_RAD, ViewsFrom
 from graspcast.views.fusion import FusedPoses, fuse_poses
 from graspcast.views.gathering import Gathered, ViewRules, gather
+from graspcast.views.motion import Motion
 from graspcast.views.motion_checks import check_motion
 from graspcast.views.spread import Spreads
 
@@ -169,7 +170,7 @@ class FusedEstimates:
 
 @checked(
     results=mapping(a(Results), "estimator"),
-    motion=a(CameraMotion),
+    motion=a(Motion, words="a CameraMotion or another Motion"),
     dataset=NAME,
     principal=NAME,
     models=mapping(a(Models), "dataset"),
@@ -181,7 +182,7 @@ class FusedEstimates:
 )
 def fuse_estimates(
     results: Mapping[str, Results],
-    motion: CameraMotion | None = None,
+    motion: Motion | None = None,
     *,
     dataset: str,
     principal: str | None = None,
@@ -199,7 +200,9 @@ def fuse_estimates(
     results
         Estimator's name to its results on one dataset.
     motion
-        The camera's pose in each image; None fuses the estimators of each image alone.
+        Of the camera between the images of a scene, as a rule
+        :class:`~graspcast.views.camera_motion.CameraMotion`; None fuses the estimators of each
+        image alone.
     dataset
         The dataset's name.
     principal
@@ -207,7 +210,8 @@ def fuse_estimates(
     models
         Dataset's name to its object models: symmetries, and diameters for checks.
     noise
-        Standard deviations of the camera motion; none by default.
+        Standard deviations of the camera motion, beside what ``motion`` itself states; none by
+        default.
     views_from
         ``earlier`` images of the scene alone (smaller ``im_id``), or ``all``.
     max_views
@@ -245,7 +249,8 @@ def fuse_estimates(
                 f"({min(motion.scenes)} …) than the estimates ({min(scenes)} …)",
                 parameters=("camera_poses",),
             )
-        notes += filter(None, [check_motion(sane, motion)])
+        if isinstance(motion, CameraMotion):
+            notes += filter(None, [check_motion(sane, motion)])
     rules = ViewRules(views_from, int(max_views), float(min_parallax_rad), noise or CameraNoise())
     return fuse_sane(
         sane,
@@ -284,7 +289,7 @@ def sane_estimates(
 
 def fuse_sane(
     sane: Mapping[str, Results],
-    motion: CameraMotion | None,
+    motion: Motion | None,
     rules: ViewRules,
     spreads: Spreads,
     *,
@@ -301,7 +306,7 @@ def fuse_sane(
         gathered.cam_T_view,
         gathered.present,
         spreads.table(names, gathered.instances.objects),
-        noise=rules.noise,
+        noise=gathered.noise,
         symmetries=[symmetries.get(o, _NONE) for o in gathered.instances.obj_id.tolist()],
         principal=names.index(principal),
     )

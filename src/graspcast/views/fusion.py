@@ -40,6 +40,8 @@ _ITERATIONS = 10
 _CONVERGED = 1e-9
 _LEAST_OWN = 1e-4
 _MEDOID_SCALE = (0.01, 0.07)
+_MOST_NOISE = 100.0
+"""Metres or radians: a view known worse than this says nothing; larger numbers overflow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +61,9 @@ class FusedPoses:
         Which were given, but contradict the others, (n, V, K).
     parallax_rad
         The largest angle between the viewing rays that entered, (n,).
+    cam_T_est
+        Each estimate in the judged image's camera frame, of equivalent ones by symmetry the one
+        nearest to the others, (n, V, K, 4, 4).
     """
 
     cam_T_obj: Float[ndarray, "n 4 4"]
@@ -66,6 +71,7 @@ class FusedPoses:
     used: Bool[ndarray, "n v k"]
     dropped: Bool[ndarray, "n v k"]
     parallax_rad: Float[ndarray, " n"]
+    cam_T_est: Float[ndarray, "n v k 4 4"]
 
     @property
     def covariance_obj(self) -> Float[ndarray, "n 6 6"]:
@@ -116,7 +122,7 @@ def fuse_poses(
     present: Bool[ndarray, "n v k"],
     spread: Float[ndarray, "n k 4"],
     *,
-    noise: CameraNoise | None = None,
+    noise: CameraNoise | Float[ndarray, "n v 2"] | None = None,
     symmetries: Sequence[Float[ndarray, "s 4 4"]] | None = None,
     principal: int = 0,
 ) -> FusedPoses:
@@ -137,7 +143,8 @@ def fuse_poses(
     spread
         Across, along, rotation and shared of :class:`~graspcast.views.spread.Spread`.
     noise
-        Of the camera motion from the judged image to each other view.
+        Of the camera motion from the judged image to each other view; or for each view its
+        standard deviations of translation (m) and rotation (rad), of which view 0's is not used.
     symmetries
         Of each instance's object, the identity first.
     principal
@@ -146,12 +153,15 @@ def fuse_poses(
     Raises
     ------
     InputError
-        If shapes differ, or an instance has no estimate in the judged image.
+        If shapes differ, a number is not finite, noise is negative, or an instance has no estimate
+        in the judged image.
     """
     _check(view_T_obj, cam_T_view, present, spread)
+    sizes = _noise_of_views(noise, present)
     if not len(present):
-        return FusedPoses(np.zeros((0, 4, 4)), np.zeros((0, 6, 6)), present, present, np.zeros(0))
-    entries = _entries(view_T_obj, cam_T_view, present, spread, noise or CameraNoise())
+        none, parallax = np.zeros((0, 6, 6)), np.zeros(0)
+        return FusedPoses(view_T_obj[:, 0, 0], none, present, present, parallax, view_T_obj)
+    entries = _entries(view_T_obj, cam_T_view, present, spread, sizes)
     entries = _turned(entries, symmetries)
     pose, covariance, distance = _solve(entries, _medoid(entries))
     good = present & (distance <= CONTRADICTION)
@@ -162,7 +172,8 @@ def fuse_poses(
         pose[rows], covariance[rows], again = _solve(some, _medoid(some))
         agrees = kept[rows] & (again <= CONTRADICTION)
         kept[rows] = np.where(agrees.any(axis=(1, 2), keepdims=True), agrees, kept[rows])
-    return FusedPoses(pose, covariance, kept, present & ~kept, _parallax(entries, kept))
+    parallax = _parallax(entries, kept)
+    return FusedPoses(pose, covariance, kept, present & ~kept, parallax, entries.pose)
 
 
 def _any(given: ndarray) -> Bool[ndarray, "n v"]:
@@ -183,12 +194,25 @@ def _check(view_T_obj: ndarray, cam_T_view: ndarray, present: ndarray, spread: n
         raise InputError("fuse_poses: a pose holds numbers that are not finite")
 
 
+def _noise_of_views(noise: CameraNoise | ndarray | None, present: ndarray) -> ndarray:
+    """Return the translation's and the rotation's standard deviation of each view, (n, V, 2)."""
+    n, v, _ = present.shape
+    if not isinstance(noise, ndarray):
+        noise = noise or CameraNoise()
+        return np.broadcast_to([noise.translation_m, noise.rotation_rad], (n, v, 2))
+    if noise.shape != (n, v, 2):
+        raise InputError(f"fuse_poses: noise should be {(n, v, 2)}, not {noise.shape}")
+    if not (noise >= 0).all():
+        raise InputError("fuse_poses: noise should be 0 or more in every view")
+    return np.minimum(noise, _MOST_NOISE)
+
+
 def _entries(
     view_T_obj: ndarray,
     cam_T_view: ndarray,
     present: ndarray,
     spread: ndarray,
-    noise: CameraNoise,
+    noise: ndarray,
 ) -> _Entries:
     anywhere = np.eye(4)
     anywhere[2, 3] = 1.0
@@ -204,8 +228,7 @@ def _entries(
     count = np.maximum(present.sum(axis=2), 1)[..., None]
     shared = (variance * share * there).sum(axis=2) / count
     far = (distance * there).sum(axis=2) / count
-    moved = noise.translation_m**2
-    turned = noise.rotation_rad**2
+    moved, turned = np.moveaxis(noise[:, 1:] ** 2, -1, 0)
     shared[:, 1:, 0] += moved + turned * far[:, 1:, 0] ** 2
     shared[:, 1:, 1] += moved
     shared[:, 1:, 2] += turned

@@ -11,12 +11,12 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.bop.results import Results, score_order
-from graspcast.estimates.alignment import partners
+from graspcast.estimates.alignment import estimate_ids, partners
 from graspcast.estimates.instances import InstanceKey, Instances, object_name
-from graspcast.pose.transforms import compose
-from graspcast.views.association import associate, pair_distances, position_covariance
-from graspcast.views.camera_motion import CameraMotion, CameraNoise
+from graspcast.views.association import associate_views
+from graspcast.views.camera_motion import CameraNoise
 from graspcast.views.choice import ViewsFrom, choose_views, viewing_directions
+from graspcast.views.motion import Motion, ViewMotions
 from graspcast.views.spread import Spreads
 
 __all__ = ["Gathered", "ViewRules", "gather"]
@@ -42,7 +42,7 @@ class ViewRules:
     min_parallax_rad
         Least angle between any two.
     noise
-        Of the camera motion.
+        Of the camera motion, beside what the motion itself states.
     images
         The images (scene_id, im_id) whose instances are wanted; None for all.
     """
@@ -68,25 +68,36 @@ class Gathered:
         Where there is an estimate, (n, V, K).
     cam_T_view
         Each view's camera in the judged one's frame, (n, V, 4, 4).
+    noise
+        Standard deviations of that motion, translation (m) and rotation (rad), (n, V, 2).
     view_im_id
         The views' images, -1 where there is none, (n, V).
+    est_id
+        Each estimator's own ``est_id`` of its estimate in the judged image, -1 where there is none,
+        (n, K).
     doubtful
         How many views were left out since it is not sure which instance is which, (n,).
     single
         Why instances have one view only, with how many.
+    left_out
+        Why images do not serve as views, with how many.
     """
 
     instances: Instances
     view_T_obj: Float[ndarray, "n v k 4 4"]
     present: Bool[ndarray, "n v k"]
     cam_T_view: Float[ndarray, "n v 4 4"]
+    noise: Float[ndarray, "n v 2"]
     view_im_id: Int[ndarray, "n v"]
+    est_id: Int[ndarray, "n k"]
     doubtful: Int[ndarray, " n"]
     single: Mapping[str, int] = field(default_factory=dict)
+    left_out: Mapping[str, int] = field(default_factory=dict)
 
     def single_views(self) -> list[str]:
         """Say why instances have one view only, and how many views were left out in doubt."""
         lines = [f"single views: {n} instances {why}" for why, n in self.single.items()]
+        lines += [f"left out {n} views {why}" for why, n in self.left_out.items()]
         if total := int(self.doubtful.sum()):
             lines.append(
                 f"left out {total} views in which it is not sure which of several instances is "
@@ -101,101 +112,135 @@ class _Gatherer:
     def __init__(
         self,
         results: Mapping[str, Results],
-        motion: CameraMotion | None,
+        principal: str,
+        motion: Motion | None,
         spread: Mapping[int, Float[ndarray, "k 4"]],
         symmetries: Mapping[int, Float[ndarray, "s 4 4"]],
         rules: ViewRules,
     ):
         self.tables = list(results.values())
-        self.world_T_cam = {} if motion is None else motion.world_T_cam
+        self.first = list(results).index(principal)
+        self.motion = None if rules.max_views == 1 else motion
         self.spread, self.symmetries, self.rules = spread, symmetries, rules
         self.rows: list[dict[ImageObject, list[int]]] = [_by_image(t) for t in self.tables]
         self.images: dict[tuple[int, int], list[int]] = {}
         for scene_id, im_id, obj_id in sorted({key for rows in self.rows for key in rows}):
-            if (scene_id, im_id) in self.world_T_cam:
-                self.images.setdefault((scene_id, obj_id), []).append(im_id)
+            self.images.setdefault((scene_id, obj_id), []).append(im_id)
         self.single: Counter[str] = Counter()
+        self.left_out: Counter[str] = Counter()
 
-    def views(self, key: ImageObject, pose: Float[ndarray, "4 4"]) -> list[int]:
-        """Return the images that serve for an instance; if none do, count why."""
+    def views(self, key: ImageObject) -> ViewMotions | None:
+        """Return the images that may serve for an object in an image, or None if none shall."""
         scene_id, im_id, obj_id = key
-        if self.rules.max_views == 1:
-            return []
-        if (scene_id, im_id) not in self.world_T_cam:
-            self.single[_NO_POSE] += 1
-            return []
+        if self.motion is None:
+            return None
         earlier = self.rules.views_from == "earlier"
         others = [
             other
             for other in self.images[scene_id, obj_id]
             if other != im_id and not (earlier and other > im_id)
         ]
-        kind = "earlier" if earlier else "other"
-        if not others:
-            self.single[_NO_IMAGE.format(kind)] += 1
+        views = self.motion.views_of(scene_id, im_id, obj_id, others)
+        self.left_out.update(views.left_out)
+        return views
+
+    def chosen(self, views: ViewMotions | None, pose: Float[ndarray, "4 4"]) -> list[int]:
+        """Return the numbers of the views that serve for an instance; if none do, count why."""
+        if views is None:
+            if self.rules.max_views > 1:
+                self.single[_NO_POSE] += 1
             return []
-        cam = self.world_T_cam[scene_id, im_id]
-        position = (cam @ pose)[:3, 3]
-        centres = np.stack([cam, *(self.world_T_cam[scene_id, i] for i in others)])[:, :3, 3]
-        towards = viewing_directions(position, centres)
+        kind = "earlier" if self.rules.views_from == "earlier" else "other"
+        if not len(views.im_id):
+            self.single[views.why or _NO_IMAGE.format(kind)] += 1
+            return []
+        centres = np.concatenate([np.zeros((1, 3)), views.cam_T_view[:, :3, 3]])
+        towards = viewing_directions(pose[:3, 3], centres)
         most = self.rules.max_views - 1
-        chosen = choose_views(towards[0], towards[1:], most, self.rules.min_parallax_rad)
-        if not len(chosen):
+        found = choose_views(towards[0], towards[1:], most, self.rules.min_parallax_rad)
+        if not len(found):
             self.single[_NO_PARALLAX.format(kind)] += 1
-        return [others[i] for i in chosen.tolist()]
+        return found.tolist()
+
+    def noise(self, views: ViewMotions, number: int) -> Float[ndarray, "2"]:
+        """Return the noise of the motion to a view: its own, and that which is stated for all."""
+        stated = self.rules.noise
+        return np.hypot(views.noise[number], [stated.translation_m, stated.rotation_rad])
 
     def found(
-        self, key: ImageObject, anchors: Float[ndarray, "a 4 4"], principal: int, view: int
+        self, key: ImageObject, anchors: Float[ndarray, "a 4 4"], views: ViewMotions, number: int
     ) -> tuple[Int[ndarray, "a k"], Bool[ndarray, " a"]]:
         """Return each estimator's row in a view for each of the judged image's instances.
 
         -1 where there is none; and where it is doubted which instance is which.
         """
-        scene_id, im_id, obj_id = key
+        scene_id, _, obj_id = key
         out = np.full((len(anchors), len(self.tables)), -1)
         doubted = np.zeros(len(anchors), dtype=bool)
         for k, table in enumerate(self.tables):
-            rows = self.rows[k].get((scene_id, view, obj_id), [])
+            rows = self.rows[k].get((scene_id, int(views.im_id[number]), obj_id), [])
             if len(rows) == 1 and len(anchors) == 1:
                 out[0, k] = rows[0]  # whether it contradicts the others is seen in the fusion
             elif rows:
-                cam_T_view = np.linalg.inv(self.world_T_cam[scene_id, im_id])
-                cam_T_view = cam_T_view @ self.world_T_cam[scene_id, view]
-                which, doubt = self._associated(
-                    obj_id, anchors, principal, cam_T_view, table.cam_T_obj[rows], k
+                which, doubt = associate_views(
+                    anchors,
+                    table.cam_T_obj[rows],
+                    views.cam_T_view[number],
+                    (self.spread[obj_id][self.first], self.spread[obj_id][k]),
+                    CameraNoise(*np.minimum(self.noise(views, number), 1.0).tolist()),
+                    self.symmetries.get(obj_id, _ALONE),
                 )
                 out[:, k] = np.where(which >= 0, np.array(rows)[which], -1)
                 doubted |= doubt
         out[doubted] = -1
         return out, doubted
 
-    def _associated(
-        self,
-        obj_id: int,
-        anchors: Float[ndarray, "a 4 4"],
-        principal: int,
-        cam_T_view: Float[ndarray, "4 4"],
-        view_T_obj: Float[ndarray, "b 4 4"],
-        estimator: int,
-    ) -> tuple[Int[ndarray, " a"], Bool[ndarray, " a"]]:
-        symmetries = self.symmetries.get(obj_id, _ALONE)
-        mine, other = self.spread[obj_id][principal], self.spread[obj_id][estimator]
-        turn = cam_T_view[:3, :3]
-        first = position_covariance(anchors[:, :3, 3], mine)
-        second = position_covariance(view_T_obj[:, :3, 3], other, self.rules.noise)
-        second = turn @ second @ turn.T
-        poses = compose(cam_T_view[None], view_T_obj)
-        sides = {"a": (anchors, first), "b": (poses, second)}
-        angle = float(np.hypot(mine[2], other[2]) / np.sqrt(2) + self.rules.noise.rotation_rad)
-        between, of_first, of_second = (
-            pair_distances(*sides[i], *sides[j], angle, symmetries) for i, j in ("ab", "aa", "bb")
-        )
-        return associate(between, of_first, of_second)
+    def of_image(self, key: ImageObject) -> list[_Row]:
+        """Return the estimates of the principal's instances of an object in an image."""
+        together = [by_image.get(key, []) for by_image in self.rows]
+        own = [
+            [-1 if row is None else row for row in found]
+            for found in partners(together, self.first, self.tables)
+        ]
+        anchors = self.tables[self.first].cam_T_obj[[found[self.first] for found in own]]
+        views = self.views(key)
+        # Of several instances of an image, most share their views.
+        by_view: dict[int, tuple[ndarray, ndarray]] = {}
+        out = []
+        for est_id, found in enumerate(own):
+            row = _Row([found], [key[1]])
+            chosen = self.chosen(views, anchors[est_id])
+            for number in chosen:
+                assert views is not None
+                if number not in by_view:
+                    by_view[number] = self.found(key, anchors, views, number)
+                which, doubted = by_view[number]
+                row.doubtful += int(doubted[est_id])
+                if (which[est_id] >= 0).any():
+                    row.rows.append(which[est_id].tolist())
+                    row.im_id.append(int(views.im_id[number]))
+                    row.cam_T_view.append(views.cam_T_view[number])
+                    row.noise.append(self.noise(views, number))
+            if chosen and len(row.im_id) == 1:
+                self.single[_NO_MATCH] += 1
+            out.append(row)
+        return out
+
+
+@dataclass(eq=False)
+class _Row:
+    """The views of one instance, the judged image first: each estimator's row, -1 for none."""
+
+    rows: list[list[int]]
+    im_id: list[int]
+    cam_T_view: list[ndarray] = field(default_factory=lambda: [np.eye(4)])
+    noise: list[ndarray] = field(default_factory=lambda: [np.zeros(2)])
+    doubtful: int = 0
 
 
 def gather(
     results: Mapping[str, Results],
-    motion: CameraMotion | None,
+    motion: Motion | None,
     dataset: str,
     principal: str,
     spreads: Spreads,
@@ -209,7 +254,7 @@ def gather(
     results
         Estimator's name to its results, of poses that can be.
     motion
-        Camera poses, or None.
+        Of the camera between the images, or None.
     dataset
         The dataset's name.
     principal
@@ -220,72 +265,52 @@ def gather(
         Which images serve.
     """
     names = tuple(results)
-    first = names.index(principal)
     numbers = np.unique(results[principal].obj_id)
     objects = np.array([object_name(dataset, int(o)) for o in numbers])
     spread = dict(zip(numbers.tolist(), spreads.table(names, objects), strict=True))
-    work = _Gatherer(results, motion, spread, symmetries, rules)
+    work = _Gatherer(results, principal, motion, spread, symmetries, rules)
     keys: list[InstanceKey] = []
-    rows: list[ndarray] = []
-    images: list[list[int]] = []
-    doubtful: list[int] = []
-    for key in sorted(work.rows[first]):
+    rows: list[_Row] = []
+    for key in sorted(work.rows[work.first]):
         if rules.images is not None and key[:2] not in rules.images:
             continue
-        together = [by_image.get(key, []) for by_image in work.rows]
-        own = [
-            [-1 if row is None else row for row in found]
-            for found in partners(together, first, work.tables)
-        ]
-        anchors = work.tables[first].cam_T_obj[[found[first] for found in own]]
-        # Of several instances of an image, most share their views.
-        by_view: dict[int, tuple[ndarray, ndarray]] = {}
-        for est_id, found in enumerate(own):
-            mine, used, doubts = [found], [key[1]], 0
-            chosen = work.views(key, anchors[est_id])
-            for view in chosen:
-                if view not in by_view:
-                    by_view[view] = work.found(key, anchors, first, view)
-                which, doubted = by_view[view]
-                doubts += int(doubted[est_id])
-                if (which[est_id] >= 0).any():
-                    mine.append(which[est_id].tolist())
-                    used.append(view)
-            if chosen and len(used) == 1:
-                work.single[_NO_MATCH] += 1
+        for est_id, row in enumerate(work.of_image(key)):
             keys.append(InstanceKey(dataset, *key, est_id))
-            rows.append(np.array(mine))
-            images.append(used)
-            doubtful.append(doubts)
-    return _filled(work, Instances.of(keys), rows, images, np.array(doubtful, dtype=np.int64))
+            rows.append(row)
+    return _filled(work, Instances.of(keys), rows)
 
 
-def _filled(
-    work: _Gatherer,
-    keys: Instances,
-    rows: list[ndarray],
-    images: list[list[int]],
-    doubtful: Int[ndarray, " n"],
-) -> Gathered:
+def _filled(work: _Gatherer, keys: Instances, found: list[_Row]) -> Gathered:
     """Look up the poses of the rows."""
-    n, V, K = len(rows), max(map(len, images), default=1), len(work.tables)
-    row = np.full((n, V, K), -1)
+    n, K = len(found), len(work.tables)
+    V = max((len(row.im_id) for row in found), default=1)
+    rows = np.full((n, V, K), -1)
     view_im_id = np.full((n, V), -1)
     cam_T_view = np.tile(np.eye(4), (n, V, 1, 1))
-    for i, (mine, used) in enumerate(zip(rows, images, strict=True)):
-        row[i, : len(mine)] = mine
-        view_im_id[i, : len(used)] = used
-        if len(used) > 1:
-            scene_id = int(keys.scene_id[i])
-            others = np.stack([work.world_T_cam[scene_id, im_id] for im_id in used[1:]])
-            cam_T_view[i, 1 : len(used)] = (
-                np.linalg.inv(work.world_T_cam[scene_id, used[0]]) @ others
-            )
+    noise = np.zeros((n, V, 2))
+    for i, row in enumerate(found):
+        there = slice(len(row.im_id))
+        rows[i, there], view_im_id[i, there] = row.rows, row.im_id
+        cam_T_view[i, there], noise[i, there] = row.cam_T_view, row.noise
     poses = np.tile(np.eye(4), (n, V, K, 1, 1))
+    est_id = np.full((n, K), -1)
     for k, table in enumerate(work.tables):
-        there = row[..., k] >= 0
-        poses[:, :, k][there] = table.cam_T_obj[row[..., k][there]]
-    return Gathered(keys, poses, row >= 0, cam_T_view, view_im_id, doubtful, dict(work.single))
+        is_there = rows[..., k] >= 0
+        poses[:, :, k][is_there] = table.cam_T_obj[rows[..., k][is_there]]
+        judged = is_there[:, 0]
+        est_id[judged, k] = estimate_ids(table)[rows[judged, 0, k]]
+    return Gathered(
+        keys,
+        poses,
+        rows >= 0,
+        cam_T_view,
+        noise,
+        view_im_id,
+        est_id,
+        np.array([row.doubtful for row in found], dtype=np.int64),
+        dict(work.single),
+        dict(work.left_out),
+    )
 
 
 def _by_image(table: Results) -> dict[ImageObject, list[int]]:

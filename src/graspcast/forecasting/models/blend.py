@@ -14,20 +14,17 @@ J. Platt, *Probabilistic Outputs for Support Vector Machines*, Advances in Large
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.bop.models import Models
-from graspcast.errors import InputError, MismatchError
-from graspcast.estimates.instances import unit_names
-from graspcast.forecasting.models.calibration import expit, fit_calibration, logit
-from graspcast.forecasting.models.design_matrix import DesignMatrix
+from graspcast.errors import MismatchError
+from graspcast.forecasting.models.calibration import expit, logit
 from graspcast.forecasting.models.encoding import one_hot_numbers
-from graspcast.forecasting.models.forest import Forest, flatten
+from graspcast.forecasting.models.forest import Forest
 from graspcast.forecasting.models.out_of_fold import OutOfFold
 from graspcast.forecasting.models.two_stage import (
     ERROR_INPUTS,
@@ -35,20 +32,11 @@ from graspcast.forecasting.models.two_stage import (
     SuccessGivenError,
     expected_success,
 )
-from graspcast.forecasting.splits import fold_numbers
-from graspcast.forecasting.training_data import TrainingData
-from graspcast.io.progress import Progress, step_of
+from graspcast.forecasting.models.view_model import ViewModel
 
 __all__ = ["Blend", "ForestSettings"]
 
 _MAX_DRAWS = 100_000
-
-_STAGE_INPUTS = (
-    "shift", "turn", "mid", "across_rel", "angle", "angle_between", "offset_between",
-    "ray_between", "distance",
-)  # fmt: skip
-"""Name stems of the features that are inputs of the error model. Features that depend on the object
-or on the viewing direction are left out, which generalises better to new scenes."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +94,8 @@ class Blend:
         (2, 2).
     out_of_fold
         The out-of-fold predictions, or None without calibration.
+    views
+        The view model, or None; it judges by ``success_given_error`` too.
     """
 
     direct: Forest | None
@@ -119,44 +109,13 @@ class Blend:
     columns: Int[ndarray, " c"]
     calibration: Float[ndarray, "2 2"]
     out_of_fold: OutOfFold | None = None
+    views: ViewModel | None = None
 
-    @classmethod
-    def fit(
-        cls,
-        training_data: TrainingData,
-        objects: Sequence[str],
-        models: Mapping[str, Models],
-        settings: ForestSettings,
-        *,
-        progress: Progress | None = None,
-    ) -> Blend:
-        """Train on these objects, and calibrate by out-of-fold predictions.
-
-        Raises
-        ------
-        InputError
-            If there is neither ground truth for the two-stage model nor outcomes for the direct
-            forest.
-        """
-        matrix = DesignMatrix.of(training_data, objects, models)
-        folds = min(settings.folds, len(np.unique(matrix.groups)))
-        blend = _grow(matrix, np.full(len(training_data), True), settings)
-        step_of(progress, 0, folds + 1)(1.0, "growing forests")
-        if folds < 2 or not blend.tried.any():
-            return blend
-        predictions = _out_of_fold(matrix, settings, folds, progress)
-        own = matrix.success[matrix.principal]
-        calibration = np.stack([fit_calibration(each, own) for each in predictions])
-        rows = np.flatnonzero(~np.isnan(predictions[0]))
-        if not len(rows):
-            return blend
-        slope, intercept = calibration[0]
-        out_of_fold = OutOfFold(
-            expit(slope * logit(predictions[0, rows]) + intercept),
-            own[rows] == 1,
-            unit_names(training_data.estimates.select(rows).instances, "image"),
-        )
-        return replace(blend, calibration=calibration, out_of_fold=out_of_fold)
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether out-of-fold predictions calibrated its forecasts."""
+        views = None if self.views is None else self.views.out_of_fold
+        return self.out_of_fold is not None or views is not None
 
     def raw(
         self, features: Float[ndarray, "n d"], numbers: Int[ndarray, " n"]
@@ -214,34 +173,85 @@ class Blend:
         slope, intercept = self.calibration[alone.astype(int)].T
         return expit(slope * logit(mixed) + intercept)
 
-    def to_arrays(self) -> dict[str, ndarray]:
-        """Return everything learned as named arrays."""
+    def view_probability(
+        self,
+        statistics: Float[ndarray, "n d"],
+        cam_T_fused: Float[ndarray, "n 4 4"],
+        cam_T_guide: Float[ndarray, "n 4 4"],
+        objects: Int[ndarray, " n"],
+    ) -> Float[ndarray, " n"]:
+        """Forecast the probability of success with several views (:meth:`ViewModel.raw`).
+
+        NaN for objects that the second stage does not know.
+
+        Raises
+        ------
+        MismatchError
+            If it was trained without views.
+        """
+        if self.views is None or self.success_given_error is None:
+            raise MismatchError(
+                "this model was trained without views; train it with camera poses",
+                parameters=("camera_poses", "model"),
+            )
+        out = np.full(len(statistics), np.nan)
+        mine = np.flatnonzero((objects >= 0) & self.known[objects])
+        if len(mine):
+            raw = self.views.raw(
+                self.success_given_error,
+                statistics[mine],
+                cam_T_fused[mine],
+                cam_T_guide[mine],
+                objects[mine],
+                draws=self.draws,
+            )
+            out[mine] = self.views.calibrated(raw)
+        return out
+
+    def to_arrays(self, *, shared: bool = True) -> dict[str, ndarray]:
+        """Return everything learned as named arrays; without what guides share if asked."""
         plain = ("estimator", "tried", "known", "columns", "calibration")
         out = {name: getattr(self, name) for name in plain}
         out |= {"weight": np.array(self.weight), "draws": np.array(self.draws)}
         if self.out_of_fold is not None:
             out |= self.out_of_fold.to_arrays()
-        if self.direct is not None:
+        if self.errors is not None:
+            out |= self.errors.to_arrays("errors")
+        if shared and self.direct is not None:
             out |= self.direct.to_arrays("direct")
-        if self.errors is not None and self.success_given_error is not None:
-            out |= self.errors.to_arrays("errors") | self.success_given_error.forest.to_arrays(
-                "success_given_error"
-            )
+        if shared and self.success_given_error is not None:
+            out |= self.success_given_error.forest.to_arrays("success_given_error")
+        if shared and self.views is not None:
+            out |= self.views.to_arrays("views")
         return out
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, ndarray]) -> Blend:
-        """Restore what :meth:`to_arrays` returned; raise a ValueError if it is no model."""
+    def from_arrays(cls, arrays: Mapping[str, ndarray], shared: Blend | None = None) -> Blend:
+        """Restore what :meth:`to_arrays` returned; raise a ValueError if it is no model.
+
+        Parameters
+        ----------
+        arrays
+            By name.
+        shared
+            The model of another guide, whose forests and view model are this one's too.
+        """
         objects = len(arrays["tried"])
         if arrays["known"].shape != (objects,) or arrays["calibration"].shape != (2, 2):
             raise ValueError("the arrays of the model have different lengths")
         if not 1 <= int(arrays["draws"]) <= _MAX_DRAWS:
             raise ValueError(f"the model draws {int(arrays['draws'])} pose errors")
-        direct = errors = success_given_error = None
+        direct = errors = success_given_error = views = None
+        if shared is not None:
+            direct, success_given_error = shared.direct, shared.success_given_error
+            views = shared.views
+        if "errors/f/roots" in arrays:
+            errors = ErrorModel.from_arrays(arrays, "errors")
         if "direct/roots" in arrays:
             direct = Forest.from_arrays(arrays, "direct")
+        if "views/calibration" in arrays:
+            views = ViewModel.from_arrays(arrays, "views")
         if "success_given_error/roots" in arrays:
-            errors = ErrorModel.from_arrays(arrays, "errors")
             success_given_error = SuccessGivenError(
                 Forest.from_arrays(arrays, "success_given_error"), objects
             )
@@ -259,126 +269,5 @@ class Blend:
             arrays["columns"],
             arrays["calibration"],
             OutOfFold.from_arrays(arrays) if "out_of_fold/image" in arrays else None,
+            views,
         )
-
-
-def _out_of_fold(
-    matrix: DesignMatrix, settings: ForestSettings, folds: int, progress: Progress | None
-) -> Float[ndarray, "2 n"]:
-    """Forecast each tried instance by forests grown without its scene; NaN for all others."""
-    fold_of = fold_numbers(matrix.groups, folds, seed=settings.seed)
-    inner = replace(settings, trees=max(32, settings.trees // 2))
-    predictions = np.full((2, len(fold_of)), np.nan)
-    for fold in range(folds):
-        try:
-            forest = _grow(matrix, fold_of != fold, inner)
-        except InputError:  # all outcomes are in this fold, or all others are equal
-            continue
-        rows = np.flatnonzero((fold_of == fold) & matrix.is_tried)
-        rows = rows[forest.tried[matrix.numbers[rows]]]
-        predictions[:, rows] = forest.raw(matrix.own[rows], matrix.numbers[rows])
-        step_of(progress, fold + 1, folds + 1)(1.0, "growing forests")
-    return predictions
-
-
-def _grow(matrix: DesignMatrix, rows: Bool[ndarray, " n"], settings: ForestSettings) -> Blend:
-    """Grow the forests from some of the instances, without calibration."""
-    guide, instance = np.nonzero(~np.isnan(matrix.success) & rows)
-    tried = np.bincount(matrix.numbers[instance], minlength=matrix.objects) > 0
-    columns = _columns(matrix.names)
-    direct = errors = success_given_error = None
-    known = np.zeros(matrix.objects, dtype=bool)
-    if settings.direct > 0:
-        direct = _grow_direct(matrix, guide, instance, settings)
-    annotated = rows & np.isfinite(matrix.truth[matrix.principal]).all(axis=1)
-    if settings.direct < 1 and annotated.any():
-        poses, numbers, success = _trials(matrix, guide, instance, tried)
-        known = np.bincount(numbers, minlength=matrix.objects) > 0
-        if known.any():
-            forest = {"trees": settings.trees, "seed": settings.seed}
-            inputs = matrix.own[annotated][:, columns[: columns[-1]]]
-            errors = ErrorModel.fit(inputs, matrix.truth[matrix.principal][annotated], **forest)
-            success_given_error = SuccessGivenError.fit(
-                poses, numbers, success, objects=matrix.objects, **forest
-            )
-    if direct is None and success_given_error is None:
-        raise InputError(
-            "there is nothing to learn from: the two-stage model needs ground truth and outcomes "
-            "or simulated trials, the direct forest needs outcomes",
-            parameters=("outcomes", "ground_truth", "bop", "simulated"),
-        )
-    estimator = np.eye(len(matrix.success))[matrix.principal]
-    identity = np.array([[1.0, 0.0], [1.0, 0.0]])
-    return Blend(
-        direct,
-        errors,
-        success_given_error,
-        estimator,
-        tried,
-        known,
-        settings.direct,
-        settings.draws,
-        columns,
-        identity,
-    )
-
-
-def _grow_direct(
-    matrix: DesignMatrix,
-    guide: Int[ndarray, " m"],
-    instance: Int[ndarray, " m"],
-    settings: ForestSettings,
-) -> Forest | None:
-    """Grow the direct forest from all tried grasps; None if all outcomes are equal."""
-    from sklearn.ensemble import ExtraTreesClassifier
-
-    outcome = matrix.success[guide, instance] == 1
-    if not outcome.any() or outcome.all():
-        return None
-    who = np.eye(len(matrix.success))[guide]
-    which = np.eye(matrix.objects)[matrix.numbers[instance]]
-    inputs = np.concatenate([matrix.features[guide, instance], which, who], axis=1)
-    model = ExtraTreesClassifier(
-        settings.trees,
-        min_samples_leaf=2,
-        max_features=0.5,
-        random_state=settings.seed,
-        n_jobs=-1,
-    ).fit(inputs.astype(np.float32), outcome)
-    return flatten(model)
-
-
-def _trials(
-    matrix: DesignMatrix,
-    guide: Int[ndarray, " m"],
-    instance: Int[ndarray, " m"],
-    tried: Bool[ndarray, " o"],
-) -> tuple[Float[ndarray, "t 4 4"], Int[ndarray, " t"], Bool[ndarray, " t"]]:
-    """Return pose errors, objects and outcomes of trials.
-
-    Those of tried grasps, and simulated ones of objects that have no tried grasp.
-    """
-    has_error = np.isfinite(matrix.obj_T_est[guide, instance]).all(axis=(1, 2))
-    guide, instance = guide[has_error], instance[has_error]
-    poses, numbers = matrix.obj_T_est[guide, instance], matrix.numbers[instance]
-    success = matrix.success[guide, instance] == 1
-    if matrix.simulated is None:
-        return poses, numbers, success
-    lacking = ~tried[matrix.simulated[1]]
-    more = [part[lacking] for part in matrix.simulated]
-    return (
-        np.concatenate([poses, more[0]]),
-        np.concatenate([numbers, more[1]]),
-        np.concatenate([success, more[2]]),
-    )
-
-
-def _columns(names: Sequence[str]) -> Int[ndarray, " c"]:
-    """Return the numbers of the columns that :attr:`Blend.columns` describes."""
-    inputs = [
-        i
-        for i, name in enumerate(names)
-        if (stem := name.split(".")[0]) in _STAGE_INPUTS or stem.split("_")[0] in _STAGE_INPUTS[:3]
-    ]
-    axes = [names.index(f"axis_{ray}{axis}") for ray in "xyz" for axis in "xyz"]
-    return np.array([*inputs, *axes, names.index("distance"), len(inputs)], dtype=np.int64)

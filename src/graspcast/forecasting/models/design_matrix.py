@@ -15,12 +15,70 @@ from graspcast.estimates.matching import nearest_truth
 from graspcast.forecasting.features import consensus_features
 from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.forecasting.training_data import TrainingData
+from graspcast.forecasting.view_data import ViewData
 from graspcast.pose.ray_frame import relative
 from graspcast.pose.transforms import compose, invert
 
-__all__ = ["DesignMatrix"]
+__all__ = ["DesignMatrix", "ViewMatrix", "nearest_to"]
 
 _ROUNDING = 1e-9
+
+
+def nearest_to(
+    cam_T_guide: Float[ndarray, "n 4 4"],
+    cam_T_fused: Float[ndarray, "n 4 4"],
+    dataset: ndarray,
+    obj_id: Int[ndarray, " n"],
+    models: Mapping[str, Models],
+) -> Float[ndarray, "n 4 4"]:
+    """Return of the poses equivalent to fused ones those nearest to the poses that guide."""
+    between = compose(invert(cam_T_guide), cam_T_fused)
+    return compose(cam_T_guide, nearest_truth(between, dataset, obj_id, models))
+
+
+@dataclass(frozen=True, eq=False)
+class ViewMatrix:
+    """Poses fused from several views as arrays, for each guiding estimator.
+
+    Attributes
+    ----------
+    row
+        Number of the instance that each is of, (m,).
+    statistics
+        Of the fusions, (m, d).
+    truth
+        True pose in each fused pose's ray frame, NaN where unknown, (m, 6).
+    fused
+        Of the equivalent fused poses the nearest to the guide's pose, (K, m, 4, 4).
+    guide
+        The guide's pose, (K, m, 4, 4).
+    views
+        From how many views, (m,).
+    """
+
+    row: Int[ndarray, " m"]
+    statistics: Float[ndarray, "m d"]
+    truth: Float[ndarray, "m 6"]
+    fused: Float[ndarray, "k m 4 4"]
+    guide: Float[ndarray, "k m 4 4"]
+    views: Int[ndarray, " m"]
+
+    @classmethod
+    def of(
+        cls, training_data: TrainingData, views: ViewData, models: Mapping[str, Models]
+    ) -> ViewMatrix:
+        """Compute the arrays from the fused poses of training data."""
+        estimates, row = training_data.estimates, views.row
+        of = (estimates.dataset[row], estimates.obj_id[row], models)
+        poses = views.cam_T_fused
+        fused_T_true = compose(invert(poses), training_data.truth[row])
+        true = compose(poses, nearest_truth(fused_T_true, *of))
+        known = np.isfinite(true).all(axis=(1, 2))
+        truth = np.full((len(row), 6), np.nan)
+        truth[known] = relative(poses[known], true[known])
+        guide = estimates.cam_T_obj[:, row]
+        fused = np.stack([nearest_to(one, poses, *of) for one in guide])
+        return cls(row, views.statistics, truth, fused, guide, views.views)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +90,8 @@ class DesignMatrix:
     principal
         Number of the principal among the K estimators.
     names
-        Names of the principal's features.
+        Names of the principal's features, in the order of every guide's; none if it has no
+        supporter.
     features
         The set ``full`` with each estimator in turn as the principal, (K, n, d).
     success
@@ -50,6 +109,8 @@ class DesignMatrix:
         Number of objects.
     simulated
         Pose errors, object numbers and outcomes of simulated trials of these objects.
+    views
+        Poses fused from several views, or None.
     """
 
     principal: int
@@ -62,6 +123,7 @@ class DesignMatrix:
     groups: ndarray
     objects: int
     simulated: tuple[ndarray, ndarray, ndarray] | None
+    views: ViewMatrix | None = None
 
     @property
     def own(self) -> Float[ndarray, "n d"]:
@@ -88,9 +150,12 @@ class DesignMatrix:
         features, truths, errors = [], [], []
         stored = training_data.obj_T_est
         for k, name in enumerate(estimates.estimators):
-            found = consensus_features(estimates, name, which="full", models=models)
-            names = found.names if name == training_data.principal else names
-            features.append(found.values)
+            if len(estimates.estimators) > 1:
+                found = consensus_features(estimates, name, which="full", models=models)
+                names = found.names if name == training_data.principal else names
+                features.append(found.values)
+            else:  # nobody to agree with
+                features.append(np.zeros((len(estimates), 0)))
             poses = estimates.of(name)
             est_T_true = compose(invert(poses), training_data.truth)
             if stored is not None:
@@ -106,7 +171,9 @@ class DesignMatrix:
             truths.append(np.full((len(near), 6), np.nan))
             truths[-1][known] = relative(poses[known], near[known])
             errors.append(invert(est_T_true))
-        simulated = None
+        simulated = views = None
+        if training_data.views is not None:
+            views = ViewMatrix.of(training_data, training_data.views, models)
         if training_data.simulated is not None:
             mine = np.isin(training_data.simulated.objects, list(number))
             trials = training_data.simulated.select(mine)
@@ -126,4 +193,5 @@ class DesignMatrix:
             scene_groups(estimates.instances),
             len(objects),
             simulated,
+            views,
         )

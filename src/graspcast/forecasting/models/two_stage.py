@@ -198,6 +198,7 @@ def expected_success(
     distance: Float[ndarray, " n"],
     numbers: Int[ndarray, " n"],
     *,
+    est_T_guide: Float[ndarray, "n 4 4"] | None = None,
     draws: int = 128,
     trees: int = 4,
 ) -> Float[ndarray, " n"]:
@@ -215,6 +216,9 @@ def expected_success(
         Distance of each from the camera, metres.
     numbers
         Each instance's object number in the second stage.
+    est_T_guide
+        The pose that guides the grasp, in the frame of the estimate around which true poses are
+        drawn; None where that estimate guides.
     draws
         Pose errors drawn for each instance.
     trees
@@ -223,6 +227,7 @@ def expected_success(
     """
     errors.forest.check_rows(features)
     out = np.empty(len(features))
+    guide = np.eye(4)[None] if est_T_guide is None else est_T_guide
     over_rows(
         _expected,
         len(features),
@@ -230,6 +235,8 @@ def expected_success(
         np.ascontiguousarray(features, np.float32),
         np.ascontiguousarray(axes, np.float64),
         np.ascontiguousarray(distance, np.float64),
+        np.ascontiguousarray(guide, np.float64),
+        est_T_guide is not None,
         numbers.astype(np.int64),
         *errors.forest.arrays(),
         errors.first,
@@ -259,9 +266,59 @@ def _exp(v, out):
 
 
 @no_type_check
+@cached_njit()
+def _log(R, out):
+    """Rotation vector of a rotation matrix, by its quaternion, from the largest component."""
+    q = np.empty(4)
+    trace = R[0, 0] + R[1, 1] + R[2, 2]
+    squares = (1 + trace, 1 - trace + 2 * R[0, 0], 1 - trace + 2 * R[1, 1], 1 - trace + 2 * R[2, 2])
+    top = 0
+    for k in range(1, 4):
+        top = k if squares[k] > squares[top] else top
+    if top == 0:
+        q[0] = squares[0]
+        q[1], q[2], q[3] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    elif top == 1:
+        q[1] = squares[1]
+        q[0], q[2], q[3] = R[2, 1] - R[1, 2], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]
+    elif top == 2:
+        q[2] = squares[2]
+        q[0], q[1], q[3] = R[0, 2] - R[2, 0], R[0, 1] + R[1, 0], R[1, 2] + R[2, 1]
+    else:
+        q[3] = squares[3]
+        q[0], q[1], q[2] = R[1, 0] - R[0, 1], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]
+    length = np.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    sign = 1.0 if q[0] >= 0 else -1.0
+    # 2 atan(|v| / w) / |v|; for a small rotation 2 / w.
+    scale = 2 * np.arctan2(length, sign * q[0]) / length if length > 1e-12 else 0.0
+    for k in range(3):
+        out[k] = sign * scale * q[1 + k]
+
+
+@no_type_check
+@cached_njit()
+def _carry(row, est_T_guide):
+    """Replace the error of the estimate, six inputs, by that of the pose that guides."""
+    turn, total, vector = np.empty((3, 3)), np.zeros((3, 3)), np.empty(3)
+    for k in range(3):
+        vector[k] = row[3 + k]
+    _exp(vector, turn)
+    for r in range(3):
+        shift = 0.0
+        for c in range(3):
+            shift += turn[r, c] * est_T_guide[c, 3]
+            for k in range(3):
+                total[r, c] += turn[r, k] * est_T_guide[k, c]
+        row[r] += shift
+    _log(total, vector)
+    for k in range(3):
+        row[3 + k] = vector[k]
+
+
+@no_type_check
 @cached_njit(nogil=True)
 def _expected(
-    start, stop, rows, axes, distance, numbers,
+    start, stop, rows, axes, distance, guide, guided, numbers,
     feature, threshold, right, value, roots, first, offset, members, truth,
     s_feature, s_threshold, s_right, s_value, s_roots, objects, places, trees_a_draw, out,
 ):  # fmt: skip
@@ -294,6 +351,8 @@ def _expected(
                     vector -= A[r, c] * drawn[3 + c]
                 row[r] = -distance[i] * back
                 row[3 + r] = vector
+            if guided:
+                _carry(row, guide[i])
             row[6] = np.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
             row[7] = np.sqrt(row[3] ** 2 + row[4] ** 2 + row[5] ** 2)
         # Tree by tree, so that its nodes stay in the cache.

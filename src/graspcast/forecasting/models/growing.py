@@ -1,0 +1,327 @@
+"""Growing of the forests of a blend, and their calibration by out-of-fold predictions.
+
+The direct forest, success given error and the view model are the same whichever estimator guides;
+each guide has an error model and a calibration of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from graspcast.bop.models import Models
+from graspcast.errors import InputError
+from graspcast.estimates.instances import unit_names
+from graspcast.forecasting.models.blend import Blend, ForestSettings
+from graspcast.forecasting.models.calibration import expit, fit_calibration, logit
+from graspcast.forecasting.models.design_matrix import DesignMatrix
+from graspcast.forecasting.models.forest import Forest, flatten
+from graspcast.forecasting.models.out_of_fold import OutOfFold
+from graspcast.forecasting.models.two_stage import ErrorModel, SuccessGivenError
+from graspcast.forecasting.models.view_model import ViewModel
+from graspcast.forecasting.splits import fold_numbers
+from graspcast.forecasting.training_data import TrainingData
+from graspcast.io.progress import Progress, step_of
+
+__all__ = ["grow_blends"]
+
+_STAGE_INPUTS = (
+    "shift", "turn", "mid", "across_rel", "angle", "angle_between", "offset_between",
+    "ray_between", "distance",
+)  # fmt: skip
+"""Name stems of the features that are inputs of the error model. Features that depend on the object
+or on the viewing direction are left out, which generalises better to new scenes."""
+
+
+def grow_blends(
+    training_data: TrainingData,
+    guides: Sequence[str],
+    objects: Sequence[str],
+    models: Mapping[str, Models],
+    settings: ForestSettings,
+    *,
+    progress: Progress | None = None,
+) -> dict[str, Blend]:
+    """Train for several guides, and calibrate by out-of-fold predictions.
+
+    Parameters
+    ----------
+    training_data
+        Instances with outcomes; with several views if it has :attr:`TrainingData.views`.
+    guides
+        The estimators that may guide.
+    objects
+        Names of the objects to forecast.
+    models
+        Dataset's name to its object models.
+    settings
+        Of the forests.
+    progress
+        Called with the share of the work that is done and a message.
+
+    Returns
+    -------
+    Guide's name to its blend; they share all but error model and calibration.
+
+    Raises
+    ------
+    InputError
+        If there is neither ground truth for the two-stage model nor outcomes for the direct forest.
+    """
+    matrix = DesignMatrix.of(training_data, objects, models)
+    numbers = [training_data.estimates.index(name) for name in guides]
+    folds = min(settings.folds, len(np.unique(matrix.groups)))
+    blends = _grow(matrix, np.full(len(training_data), True), settings, numbers)
+    step_of(progress, 0, folds + 1)(1.0, "growing forests")
+    if folds >= 2 and blends[numbers[0]].tried.any():
+        images = unit_names(training_data.estimates.instances, "image")
+        blends = _calibrated(matrix, blends, settings, folds, images, progress)
+    return {name: blends[k] for name, k in zip(guides, numbers, strict=True)}
+
+
+def _calibrated(
+    matrix: DesignMatrix,
+    blends: dict[int, Blend],
+    settings: ForestSettings,
+    folds: int,
+    images: ndarray,
+    progress: Progress | None,
+) -> dict[int, Blend]:
+    """Calibrate each guide's forecasts, and those with views for all guides together."""
+    singles, seen = _out_of_fold(matrix, settings, list(blends), folds, progress)
+    views = _calibrated_views(matrix, next(iter(blends.values())).views, seen, images)
+    out = {}
+    for k, blend in blends.items():
+        blend = replace(blend, views=views)
+        predictions, own = singles[k], matrix.success[k]
+        if matrix.names:
+            calibration = np.stack([fit_calibration(each, own) for each in predictions])
+            rows = np.flatnonzero(~np.isnan(predictions[0]))
+            if len(rows):
+                slope, intercept = calibration[0]
+                probability = expit(slope * logit(predictions[0, rows]) + intercept)
+                kept = OutOfFold(probability, own[rows] == 1, images[rows])
+                blend = replace(blend, calibration=calibration, out_of_fold=kept)
+        out[k] = blend
+    return out
+
+
+def _calibrated_views(
+    matrix: DesignMatrix, model: ViewModel | None, seen: Float[ndarray, "k m"], images: ndarray
+) -> ViewModel | None:
+    if model is None or matrix.views is None:
+        return model
+    outcome = matrix.success[:, matrix.views.row]
+    known = ~np.isnan(seen) & ~np.isnan(outcome)
+    if not known.any():
+        return model
+    calibration = fit_calibration(seen[known], outcome[known])
+    row = np.broadcast_to(matrix.views.row, seen.shape)[known]
+    slope, intercept = calibration
+    probability = expit(slope * logit(seen[known]) + intercept)
+    kept = OutOfFold(probability, outcome[known] == 1, images[row])
+    return replace(model, calibration=calibration, out_of_fold=kept)
+
+
+def _out_of_fold(
+    matrix: DesignMatrix,
+    settings: ForestSettings,
+    guides: list[int],
+    folds: int,
+    progress: Progress | None,
+) -> tuple[dict[int, Float[ndarray, "2 n"]], Float[ndarray, "k m"]]:
+    """Forecast tried instances by forests grown without their scene; NaN for all others.
+
+    Returns
+    -------
+    Of each guide from one view, as :meth:`Blend.raw`; and of all estimators with several views.
+    """
+    fold_of = fold_numbers(matrix.groups, folds, seed=settings.seed)
+    inner = replace(settings, trees=max(32, settings.trees // 2))
+    singles = {k: np.full((2, len(fold_of)), np.nan) for k in guides}
+    views = matrix.views
+    seen = np.full((len(matrix.success), 0 if views is None else len(views.row)), np.nan)
+    for fold in range(folds):
+        try:
+            grown = _grow(matrix, fold_of != fold, inner, guides)
+        except InputError:  # all outcomes are in this fold, or all others are equal
+            continue
+        for k, blend in grown.items():
+            rows = np.flatnonzero((fold_of == fold) & ~np.isnan(matrix.success[k]))
+            rows = rows[blend.tried[matrix.numbers[rows]]]
+            if matrix.names:
+                singles[k][:, rows] = blend.raw(matrix.features[k, rows], matrix.numbers[rows])
+        if views is not None and blend.views is not None:
+            _forecast_views(matrix, blend, fold_of == fold, seen)
+        step_of(progress, fold + 1, folds + 1)(1.0, "growing forests")
+    return singles, seen
+
+
+def _forecast_views(
+    matrix: DesignMatrix, blend: Blend, test: Bool[ndarray, " n"], seen: Float[ndarray, "k m"]
+) -> None:
+    """Forecast the tried instances of a fold with several views, guided by each estimator."""
+    views = matrix.views
+    assert views is not None and blend.views is not None and blend.success_given_error is not None
+    for k in range(len(seen)):
+        asked = test[views.row] & (views.views > 1) & ~np.isnan(matrix.success[k, views.row])
+        rows = np.flatnonzero(asked & blend.known[matrix.numbers[views.row]])
+        rows = rows[matrix.numbers[views.row[rows]] >= 0]
+        if len(rows):
+            seen[k, rows] = blend.views.raw(
+                blend.success_given_error,
+                views.statistics[rows],
+                views.fused[k, rows],
+                views.guide[k, rows],
+                matrix.numbers[views.row[rows]],
+                draws=blend.draws,
+            )
+
+
+def _grow(
+    matrix: DesignMatrix, rows: Bool[ndarray, " n"], settings: ForestSettings, guides: list[int]
+) -> dict[int, Blend]:
+    """Grow the forests from some of the instances, without calibration."""
+    guide, instance = np.nonzero(~np.isnan(matrix.success) & rows)
+    tried = np.bincount(matrix.numbers[instance], minlength=matrix.objects) > 0
+    columns = _columns(matrix.names) if matrix.names else np.zeros(1, dtype=np.int64)
+    direct = success_given_error = views = None
+    errors: dict[int, ErrorModel] = {}
+    known = np.zeros(matrix.objects, dtype=bool)
+    forest = {"trees": settings.trees, "seed": settings.seed}
+    if settings.direct > 0 and matrix.names:
+        direct = _grow_direct(matrix, guide, instance, settings)
+    if settings.direct < 1 and (rows & np.isfinite(matrix.truth).all(axis=2).any(axis=0)).any():
+        poses, numbers, success = _trials(matrix, guide, instance, tried)
+        known = np.bincount(numbers, minlength=matrix.objects) > 0
+        if known.any():
+            views = _grow_views(matrix, rows, forest)
+            if matrix.names:
+                errors = _grow_errors(matrix, rows, guides, columns, forest)
+            if errors or views is not None:
+                success_given_error = SuccessGivenError.fit(
+                    poses, numbers, success, objects=matrix.objects, **forest
+                )
+    if direct is None and success_given_error is None:
+        raise InputError(
+            "there is nothing to learn from: the two-stage model needs ground truth and outcomes "
+            "or simulated trials, the direct forest needs outcomes",
+            parameters=("outcomes", "ground_truth", "bop", "simulated"),
+        )
+    identity = np.array([[1.0, 0.0], [1.0, 0.0]])
+    return {
+        k: Blend(
+            direct,
+            errors.get(k),
+            success_given_error,
+            np.eye(len(matrix.success))[k],
+            tried,
+            known,
+            settings.direct,
+            settings.draws,
+            columns,
+            identity,
+            views=views,
+        )
+        for k in guides
+    }
+
+
+def _grow_errors(
+    matrix: DesignMatrix,
+    rows: Bool[ndarray, " n"],
+    guides: list[int],
+    columns: Int[ndarray, " c"],
+    forest: dict[str, int],
+) -> dict[int, ErrorModel]:
+    """Grow each guide's error model, where its true poses are known."""
+    out = {}
+    for k in guides:
+        annotated = rows & np.isfinite(matrix.truth[k]).all(axis=1)
+        if annotated.any():
+            inputs = matrix.features[k, annotated][:, columns[: columns[-1]]]
+            out[k] = ErrorModel.fit(inputs, matrix.truth[k][annotated], **forest)
+    return out
+
+
+def _grow_views(
+    matrix: DesignMatrix, rows: Bool[ndarray, " n"], forest: dict[str, int]
+) -> ViewModel | None:
+    if (views := matrix.views) is None:
+        return None
+    mine = rows[views.row] & np.isfinite(views.truth).all(axis=1)
+    if not (mine & (views.views > 1)).any():
+        return None
+    return ViewModel.fit(
+        views.statistics[mine],
+        views.truth[mine],
+        views.row[mine],
+        views.views[mine],
+        trees=forest["trees"],
+        seed=forest["seed"],
+    )
+
+
+def _grow_direct(
+    matrix: DesignMatrix,
+    guide: Int[ndarray, " m"],
+    instance: Int[ndarray, " m"],
+    settings: ForestSettings,
+) -> Forest | None:
+    """Grow the direct forest from all tried grasps; None if all outcomes are equal."""
+    from sklearn.ensemble import ExtraTreesClassifier
+
+    outcome = matrix.success[guide, instance] == 1
+    if not outcome.any() or outcome.all():
+        return None
+    who = np.eye(len(matrix.success))[guide]
+    which = np.eye(matrix.objects)[matrix.numbers[instance]]
+    inputs = np.concatenate([matrix.features[guide, instance], which, who], axis=1)
+    model = ExtraTreesClassifier(
+        settings.trees,
+        min_samples_leaf=2,
+        max_features=0.5,
+        random_state=settings.seed,
+        n_jobs=-1,
+    ).fit(inputs.astype(np.float32), outcome)
+    return flatten(model)
+
+
+def _trials(
+    matrix: DesignMatrix,
+    guide: Int[ndarray, " m"],
+    instance: Int[ndarray, " m"],
+    tried: Bool[ndarray, " o"],
+) -> tuple[Float[ndarray, "t 4 4"], Int[ndarray, " t"], Bool[ndarray, " t"]]:
+    """Return pose errors, objects and outcomes of trials.
+
+    Those of tried grasps, and simulated ones of objects that have no tried grasp.
+    """
+    has_error = np.isfinite(matrix.obj_T_est[guide, instance]).all(axis=(1, 2))
+    guide, instance = guide[has_error], instance[has_error]
+    poses, numbers = matrix.obj_T_est[guide, instance], matrix.numbers[instance]
+    success = matrix.success[guide, instance] == 1
+    if matrix.simulated is None:
+        return poses, numbers, success
+    lacking = ~tried[matrix.simulated[1]]
+    more = [part[lacking] for part in matrix.simulated]
+    return (
+        np.concatenate([poses, more[0]]),
+        np.concatenate([numbers, more[1]]),
+        np.concatenate([success, more[2]]),
+    )
+
+
+def _columns(names: Sequence[str]) -> Int[ndarray, " c"]:
+    """Return the numbers of the columns that :attr:`Blend.columns` describes."""
+    inputs = [
+        i
+        for i, name in enumerate(names)
+        if (stem := name.split(".")[0]) in _STAGE_INPUTS or stem.split("_")[0] in _STAGE_INPUTS[:3]
+    ]
+    axes = [names.index(f"axis_{ray}{axis}") for ray in "xyz" for axis in "xyz"]
+    return np.array([*inputs, *axes, names.index("distance"), len(inputs)], dtype=np.int64)

@@ -1,0 +1,363 @@
+"""Verdicts with several views, or one: attempt, look again from another side, or abstain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from graspcast.bop.models import Models
+from graspcast.errors import MismatchError, UnknownNameError
+from graspcast.estimates.alignment import Estimates, estimate_ids
+from graspcast.estimates.checks import copied, diameters, no_estimate_by
+from graspcast.estimates.instances import Instances
+from graspcast.forecasting.look_again import MIN_GAIN, looks_for
+from graspcast.forecasting.models.blend import Blend
+from graspcast.forecasting.models.design_matrix import nearest_to
+from graspcast.forecasting.novelty import OOD_ALPHA
+from graspcast.forecasting.verdict import Verdict, VerdictRow, check_threshold, decide
+from graspcast.io.arguments import a, checked
+from graspcast.pose.sanity import pose_problems
+from graspcast.views.camera_motion import CameraMotion, CameraNoise
+from graspcast.views.fused_estimates import FusedEstimates
+from graspcast.views.statistics import fusion_statistics
+
+if TYPE_CHECKING:
+    from graspcast.forecasting.forecaster import Forecaster
+
+__all__ = ["BEST", "FUSED", "judge", "view_probabilities"]
+
+FUSED = "fused"
+"""The guide that is no estimator: the fused pose."""
+BEST = "best"
+"""Whoever has the highest probability guides, instance by instance."""
+MOVED = (
+    "the other views contradict the judged image: its estimates are wrong, or the object was moved"
+)
+
+
+@checked(fused=a(FusedEstimates), guide=a(str, type(None), words="a name, or None"))
+def judge(
+    forecaster: Forecaster,
+    fused: FusedEstimates,
+    models: Mapping[str, Models] | None = None,
+    *,
+    guide: str | None = None,
+    threshold: float | None = 0.5,
+    guarantee: str | None = None,
+    ood_alpha: float = OOD_ALPHA,
+    max_looks: int = 1,
+    min_gain: float = MIN_GAIN,
+    motion: CameraMotion | None = None,
+    noise: CameraNoise | None = None,
+) -> list[VerdictRow]:
+    """Decide on every instance with as many views as there are.
+
+    With several views the view model answers, with one the model of a single view; the reason says
+    which. Where the other views contradict the judged image, the verdict is to abstain.
+
+    Parameters
+    ----------
+    fused
+        Poses fused from the estimators that the forecaster was trained with, of its principal's or
+        another guide's instances.
+    models
+        Dataset's name to its object models.
+    guide
+        Whose pose guides the grasp: an estimator's name, ``fused``, or ``best``, whichever has the
+        highest probability; None is the principal of ``fused``. From one view, ``fused`` is the
+        principal.
+    threshold, guarantee, ood_alpha
+        As for :meth:`Forecaster.verdicts`.
+    max_looks
+        Images in all that a robot would take. Where fewer were, and the grasp is not attempted, the
+        verdict is to look again if the expected probability of success after a further look, guided
+        by the fused pose, is higher by ``min_gain`` or more; or if there is no forecast.
+    min_gain
+        As said.
+    motion
+        Camera poses, for directions in the world's frame.
+    noise
+        Of the camera motion to a further look.
+
+    Returns
+    -------
+        One row for each of ``fused.instances``, in order. ``principal`` names the guide, and
+        ``est_id`` is the guide's own.
+
+    Raises
+    ------
+    MismatchError
+        For poses fused from other estimators, or objects of other sizes than in training.
+    UnknownNameError
+        For a guide that is none of these.
+    """
+    if threshold is not None:
+        check_threshold(threshold)
+    frame = _Frame.of(forecaster, fused, models or {}, guide)
+    options: dict[str, Any] = {"guarantee": guarantee, "ood_alpha": ood_alpha}
+    rows: dict[int, VerdictRow] = {}
+    several = np.flatnonzero(frame.several)
+    if len(several):
+        found = frame.judged(several, threshold, **options)
+        rows |= dict(zip(several.tolist(), found, strict=True))
+    alone = np.flatnonzero(~frame.several)
+    if len(alone):
+        found = frame.single(threshold=threshold, **options)
+        rows |= dict(zip(alone.tolist(), found, strict=True))
+    out = [rows[i] for i in range(len(fused))]
+    if max_looks > 1 and threshold is not None:
+        frame.look_again(out, max_looks, min_gain, motion=motion, noise=noise)
+    return out
+
+
+def view_probabilities(
+    forecaster: Forecaster,
+    fused: FusedEstimates,
+    cam_T_guide: Float[ndarray, "n 4 4"],
+    models: Mapping[str, Models],
+    *,
+    rows: Int[ndarray, " n"],
+    statistics: Float[ndarray, "n d"] | None = None,
+) -> Float[ndarray, " n"]:
+    """Forecast the success of grasps by the view model.
+
+    Parameters
+    ----------
+    forecaster
+        Trained with views.
+    fused
+        Fused poses.
+    cam_T_guide
+        The poses that guide, for each of ``rows``.
+    models
+        Dataset's name to its object models, for symmetries.
+    rows
+        Numbers of the fused poses.
+    statistics
+        Of these, if they are known.
+
+    Raises
+    ------
+    MismatchError
+        If the forecaster was trained without views.
+    """
+    keys = fused.instances.select(rows)
+    if statistics is None:
+        statistics = fusion_statistics(fused)[rows]
+    poses = fused.poses.cam_T_obj[rows]
+    near = nearest_to(cam_T_guide, poses, keys.dataset, keys.obj_id, models)
+    numbers = forecaster.card.numbers_of(keys.objects.tolist(), unseen=True)
+    assert isinstance(forecaster.predictor, Blend)
+    return forecaster.predictor.view_probability(statistics, near, cam_T_guide, numbers)
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """Fused poses with what is needed to judge them."""
+
+    forecaster: Forecaster
+    fused: FusedEstimates
+    models: Mapping[str, Models]
+    guide: str
+    several: Bool[ndarray, " n"]
+
+    @classmethod
+    def of(
+        cls,
+        forecaster: Forecaster,
+        fused: FusedEstimates,
+        models: Mapping[str, Models],
+        guide: str | None,
+    ) -> _Frame:
+        card = forecaster.card
+        if set(fused.estimators) != set(card.estimators):
+            raise MismatchError(
+                f"the poses are fused from {', '.join(fused.estimators)}, but this model was "
+                f"trained with {', '.join(card.estimators)}: fuse from these",
+                parameters=("estimates", "model"),
+            )
+        guide = fused.principal if guide is None else guide
+        if guide not in (known := (*fused.estimators, FUSED, BEST)):
+            raise UnknownNameError("guide", guide, known, parameters=("guide",))
+        several = fused.views > 1
+        if forecaster.view_model is None:
+            several = np.zeros(len(fused), dtype=bool)
+        return cls(forecaster, fused, models, guide, several)
+
+    def candidates(
+        self, rows: Int[ndarray, " m"]
+    ) -> dict[str, tuple[Float[ndarray, "m 4 4"], Bool[ndarray, " m"], Int[ndarray, " m"]]]:
+        """Return who may guide with several views: poses, where there is one, and ``est_id``."""
+        fused, gathered = self.fused, self.fused.gathered
+        out = {}
+        if self.guide in (FUSED, BEST):
+            there = np.ones(len(rows), dtype=bool)
+            out[FUSED] = (fused.poses.cam_T_obj[rows], there, estimate_ids(fused.results)[rows])
+        for k, name in enumerate(fused.estimators):
+            if self.guide in (name, BEST):
+                there, ids = gathered.present[rows, 0, k], gathered.est_id[rows, k]
+                out[name] = (gathered.view_T_obj[rows, 0, k], there, ids)
+        return out
+
+    def judged(
+        self,
+        rows: Int[ndarray, " m"],
+        threshold: float | None,
+        *,
+        guarantee: str | None,
+        ood_alpha: float,
+    ) -> list[VerdictRow]:
+        """Judge instances with several views."""
+        fused, forecaster = self.fused, self.forecaster
+        assert forecaster.view_model is not None
+        statistics = fusion_statistics(fused)[rows]
+        candidates = self.candidates(rows)
+        probability = np.full((len(candidates), len(rows)), np.nan)
+        for values, (poses, there, _) in zip(probability, candidates.values(), strict=True):
+            given = {"rows": rows[there], "statistics": statistics[there]}
+            values[there] = view_probabilities(
+                forecaster, fused, poses[there], self.models, **given
+            )
+        best = np.where(np.isnan(probability), -1.0, probability).argmax(axis=0).tolist()
+        unusual = forecaster.view_model.assess(statistics)
+        names, keys = list(candidates), fused.instances.select(rows).to_keys()
+        problems = self._problems(rows)
+        out = []
+        for j, i in enumerate(rows.tolist()):
+            poses, there, est_id = candidates[names[best[j]]]
+            problem = problems[j] or ("" if there[j] else no_estimate_by([names[best[j]]], {}))
+            if problem:
+                verdict = Verdict(False, None, problem)
+            else:
+                verdict = decide(
+                    float(probability[best[j], j]),
+                    threshold,
+                    guarantee=guarantee,
+                    disagreement=unusual[j],
+                    ood_alpha=ood_alpha,
+                )
+            views, entered = int(fused.views[i]), int(fused.poses.used[i].sum())
+            said = f"{verdict.reason}; {views} views, {entered} estimates"
+            row = VerdictRow(
+                keys[j]._replace(est_id=int(est_id[j])) if there[j] else keys[j],
+                principal=names[best[j]],
+                gripper=forecaster.card.gripper,
+                verdict=replace(verdict, reason=said),
+                cam_T_obj=poses[j],
+                views=views,
+            )
+            out.append(row)
+        return out
+
+    def look_again(
+        self,
+        rows: list[VerdictRow],
+        max_looks: int,
+        min_gain: float,
+        *,
+        motion: CameraMotion | None,
+        noise: CameraNoise | None,
+    ) -> None:
+        """Replace, where a further look is allowed and pays, abstaining by looking again."""
+        fused, forecaster = self.fused, self.forecaster
+        if forecaster.view_model is None:
+            return
+        known = np.isin(fused.instances.objects, forecaster.card.objects)
+        taken = fused.gathered.present.any(axis=2).sum(axis=1)
+        waits = np.array([not row.verdict.attempt for row in rows], dtype=bool)
+        asked = np.flatnonzero(waits & known & (taken < max_looks))
+        if not len(asked):
+            return
+        statistics = fusion_statistics(fused)[asked]
+        looks = looks_for(forecaster, fused, asked, statistics, motion=motion, noise=noise)
+        for i, look in zip(asked.tolist(), looks, strict=True):
+            verdict, expected = rows[i].verdict, look.expected_probability
+            if verdict.probability is None or expected is None:
+                said, pays = "look again", True
+            else:
+                said = f"after a further look {expected:.3f} is expected"
+                pays = expected >= verdict.probability + min_gain
+            reason = f"{verdict.reason}; {said}{f' {look}' if pays else ', which does not pay'}"
+            verdict = replace(verdict, reason=reason, look=look if pays else None)
+            rows[i] = replace(rows[i], verdict=verdict)
+
+    def _problems(self, rows: Int[ndarray, " m"]) -> list[str]:
+        """Say for each instance with several views why there is no forecast, or nothing."""
+        fused, card = self.fused, self.forecaster.card
+        poses, keys = fused.poses.cam_T_obj[rows], fused.instances.select(rows)
+        out = pose_problems(poses, self._sizes(keys))
+        own = fused.poses.used[rows, 0].any(axis=1).tolist()
+        whole = fused.gathered.present[rows, 0].all(axis=1)
+        same = np.array([""] * len(rows), dtype=object)
+        same[whole] = copied(
+            fused.estimators, fused.gathered.view_T_obj[rows[whole], 0].swapaxes(0, 1)
+        )
+        known = set(card.objects)
+        for j, name in enumerate(keys.objects.tolist()):
+            if name not in known:
+                out[j] = f"the model was not trained for {name}"
+            elif out[j]:
+                out[j] = f"the fused pose {out[j]}"
+            elif not own[j]:
+                out[j] = MOVED
+            else:
+                out[j] = same[j]
+        return out
+
+    def _sizes(self, keys: Instances) -> Float[ndarray, " m"]:
+        """Return diameters, metres; those in training where there is no model."""
+        trained = self.forecaster.card.diameters_of(keys.objects)
+        given = diameters(keys.dataset.tolist(), keys.obj_id.tolist(), self.models)
+        return np.where(np.isnan(given), trained, given)
+
+    def single(self, **options: Any) -> list[VerdictRow]:
+        """Judge instances with one view, by the model of a single view."""
+        fused, gathered = self.fused, self.fused.gathered
+        rows = np.flatnonzero(~self.several)
+        first = fused.principal if self.guide in (FUSED, BEST) else self.guide
+        names = self.forecaster.guides if self.guide == BEST else (first,)
+        whole = gathered.present[rows, 0].all(axis=1)
+        poses = gathered.view_T_obj[rows, 0].swapaxes(0, 1)
+        by_guide = {
+            name: self._single(name, rows[whole], poses[:, whole], options) for name in names
+        }
+        keys, out = fused.instances.select(rows).to_keys(), []
+        place = np.cumsum(whole) - 1
+        for j, i in enumerate(rows.tolist()):
+            if whole[j]:
+                found = {name: given[place[j]] for name, given in by_guide.items()}
+                name = max(found, key=lambda n: -1.0 if (p := found[n].probability) is None else p)
+                verdict = found[name]
+            else:
+                name, there = first, gathered.present[i, 0]
+                missing = [e for e, t in zip(fused.estimators, there, strict=True) if not t]
+                verdict = Verdict(False, None, no_estimate_by(missing, {}))
+            k = fused.estimators.index(name)
+            est_id = int(gathered.est_id[i, k])
+            row = VerdictRow(
+                keys[j]._replace(est_id=est_id) if est_id >= 0 else keys[j],
+                principal=name,
+                gripper=self.forecaster.card.gripper,
+                verdict=replace(verdict, reason=f"{verdict.reason}; one view"),
+                cam_T_obj=poses[k, j],
+            )
+            out.append(row)
+        return out
+
+    def _single(
+        self,
+        guide: str,
+        rows: Int[ndarray, " m"],
+        poses: Float[ndarray, "k m 4 4"],
+        options: dict[str, Any],
+    ) -> list[Verdict]:
+        if not len(rows):
+            return []
+        forecaster = self.forecaster.guided_by(guide)
+        estimates = Estimates(self.fused.estimators, self.fused.instances.select(rows), poses)
+        return forecaster.verdicts(estimates, self.models or None, **options)
