@@ -13,7 +13,7 @@ from graspcast.errors import GraspcastError, InputError, MismatchError, UnknownN
 from graspcast.pose.transforms import invert, transform
 from graspcast.views.camera_motion import CameraNoise
 from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
-from graspcast.views.looks import Look, fuse_looks
+from graspcast.views.looks import Look, fuse_looks, fuse_looks_by
 from static_scenes import estimates_of, motion_of, objects, orbit, scattered, seen
 from test_misuse import ODD
 
@@ -75,10 +75,24 @@ def test_one_estimator_is_enough_and_they_may_differ_between_looks() -> None:
 def test_the_principal_is_the_first_with_an_estimate() -> None:
     last = Look({"a": {"d-2": None}, "b": {"d-2": FOUND["b"][1, 1]}}, CAMERAS[1])
     assert fuse_looks([by_name(0), last]).principal == "b"
-    with pytest.raises(InputError, match="a has no estimate in the last look"):
+    with pytest.raises(InputError, match="no estimate in the last look by a"):
         fuse_looks([by_name(0), last], principal="a")
     with pytest.raises(UnknownNameError, match="'z'"):
         fuse_looks([by_name(0)], principal="z")
+
+
+def test_each_object_may_have_another_principal() -> None:
+    whole = by_results(1).estimates
+    fewer = {"a": whole["a"].select(whole["a"].obj_id != 2), "b": whole["b"], "c": whole["c"]}
+    looks = [by_results(0), Look(fewer, CAMERAS[1])]
+    first, second = fuse_looks_by(looks, ["a", "c", "b"], dataset="d")
+    assert (first.principal, first.instances.obj_id.tolist()) == ("a", [1, 3])
+    assert (second.principal, second.instances.obj_id.tolist()) == ("c", [2])
+    assert first.views.tolist() == [2, 2]
+    assert second.views.tolist() == [2]
+    alone = fuse_looks(looks, dataset="d", principal="c")
+    np.testing.assert_array_equal(second.poses.cam_T_obj[0], alone.poses.cam_T_obj[1])
+    assert fuse_looks_by([by_name(0), Look({}, CAMERAS[1])], ["a", "b"]) == []
 
 
 def test_a_pose_that_cannot_be_is_no_estimate_and_is_said() -> None:
@@ -87,7 +101,7 @@ def test_a_pose_that_cannot_be_is_no_estimate_and_is_said() -> None:
     last = Look({"a": {"d-2": wrong}, "b": {"d-2": FOUND["b"][1, 1]}}, CAMERAS[1])
     found = fuse_looks([by_name(0), last], principal="b")
     assert any("poses by a cannot be: one lies behind the camera" in note for note in found.notes)
-    with pytest.raises(InputError, match=r"a has no estimate in the last look: .*behind"):
+    with pytest.raises(InputError, match=r"no estimate in the last look by a: .*behind"):
         fuse_looks([by_name(0), last], principal="a")
 
 
@@ -215,7 +229,7 @@ def test_what_does_not_belong_together_is_refused() -> None:
         fuse_looks([one])
     with pytest.raises(InputError, match=r"results are of 4 images \(1/0, 1/1"):
         Look({"a": estimates_of(FOUND["a"])}, CAMERAS[0])
-    with pytest.raises(InputError, match="there is no look"):
+    with pytest.raises(InputError, match="there is no look to fuse"):
         fuse_looks([])
     with pytest.raises(InputError, match="whole number"):
         fuse_looks([by_name(0)], max_views=2.5)  # type: ignore[arg-type]

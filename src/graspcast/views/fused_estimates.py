@@ -38,7 +38,6 @@ __all__ = [
     "check_estimators",
     "fuse_estimates",
     "fuse_sane",
-    "sane_estimates",
 ]
 
 _HALF_SCORE_M = 0.01
@@ -239,7 +238,13 @@ def fuse_estimates(
         raise InputError(f"views_from should be 'earlier' or 'all', not {views_from!r}")
     if max_views != int(max_views):
         raise InputError(f"max_views should be a whole number, not {max_views}")
-    sane, notes = sane_estimates(results, dataset, principal, models)
+    tables, _, left_out = sane_rows(results, dataset, models)
+    sane, notes = dict(zip(names, tables, strict=True)), list(left_out)
+    if not len(sane[principal]):
+        raise InputError(
+            f"{results[principal].source}: {principal} has no estimate to fuse",
+            parameters=("estimates", "principal"),
+        )
     check_estimators(sane, dataset, principal, models)
     if motion is not None:
         scenes = {s for table in sane.values() for s in set(table.scene_id.tolist())}
@@ -262,29 +267,6 @@ def fuse_estimates(
         models=models,
         notes=notes,
     )
-
-
-def sane_estimates(
-    results: Mapping[str, Results],
-    dataset: str,
-    principal: str,
-    models: Mapping[str, Models] | None,
-) -> tuple[dict[str, Results], list[str]]:
-    """Leave out poses that cannot be, and say how many.
-
-    Raises
-    ------
-    InputError
-        If none by the principal remains.
-    """
-    tables, _, left_out = sane_rows(results, dataset, models)
-    sane = dict(zip(results, tables, strict=True))
-    if not len(sane[principal]):
-        raise InputError(
-            f"{results[principal].source}: {principal} has no estimate to fuse",
-            parameters=("estimates", "principal"),
-        )
-    return sane, list(left_out)
 
 
 def fuse_sane(

@@ -12,13 +12,14 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
 from graspcast.bop.unit_checks import camera_problem
 from graspcast.errors import InputError, UnknownNameError
+from graspcast.estimates.checks import sane_rows
 from graspcast.estimates.instances import split_object_name
 from graspcast.estimates.selection import listed
 from graspcast.io.arguments import NAME, a, checked, mapping, number, refuse_unless, sequence
@@ -26,17 +27,12 @@ from graspcast.pose.conventions import MIN_INSTANCES
 from graspcast.pose.sanity import as_pose
 from graspcast.views.camera_motion import CameraMotion, CameraNoise, rigid
 from graspcast.views.choice import MIN_PARALLAX_RAD
-from graspcast.views.fused_estimates import (
-    FusedEstimates,
-    check_estimators,
-    fuse_sane,
-    sane_estimates,
-)
+from graspcast.views.fused_estimates import FusedEstimates, check_estimators, fuse_sane
 from graspcast.views.gathering import ViewRules
 from graspcast.views.motion_checks import check_looks
 from graspcast.views.spread import Spreads
 
-__all__ = ["Look", "check_order", "fuse_looks"]
+__all__ = ["Look", "fuse_looks", "fuse_looks_by"]
 
 _ESTIMATES = mapping(
     (lambda value: isinstance(value, Results | Mapping), "Results, or a dict of poses by object"),
@@ -173,54 +169,69 @@ def fuse_looks(
         If the camera poses agree with the estimates only in another unit, direction or convention,
         or the poses of one estimator with those of others.
     """
-    if not looks:
-        raise InputError("fuse_looks: there is no look", parameters=("looks",))
-    if max_views != int(max_views):
-        raise InputError(f"max_views should be a whole number, not {max_views}")
-    check_order(looks)
-    dataset = _dataset(looks, dataset)
-    names = list(dict.fromkeys(name for look in looks for name in look.results))
+    rules = _rules(looks, max_views, min_parallax_rad, noise)
+    ready = _prepared(looks, dataset, models)
+    names = tuple(ready.sane)
     if principal is None:
-        there = [name for name, table in looks[-1].results.items() if len(table)]
-        principal = next(iter(there), next(iter(names), None))
-    if principal not in names:
+        principal = next((name for name in names if ready.judged(name).any()), None)
+    if principal not in names and (principal is not None or not names):
         raise UnknownNameError("estimator", str(principal), names, parameters=("principal",))
-    last = len(looks) - 1
-    results = {name: _joined(name, looks) for name in names}
-    sane, notes = sane_estimates(results, dataset, principal, models)
-    if not (sane[principal].im_id == last).any():
+    if principal is None or not ready.judged(principal).any():
         raise InputError(
-            f"{principal} has no estimate in the last look" + _because(notes),
+            f"no estimate in the last look by {principal or ', '.join(names)}"
+            + (f": {'; '.join(ready.notes)}" if ready.notes else ""),
             parameters=("looks", "principal"),
         )
-    if len(sane[principal]) >= MIN_INSTANCES:
-        check_estimators(sane, dataset, principal, models)
-    empty = [i for i, look in enumerate(looks) if not len(look)]
-    notes += [f"no estimate in look {listed(empty)}"] if empty else []
-    motion = _motion(looks)
-    if motion is not None and last:
-        notes += filter(None, [check_looks(sane, motion, last)])
-    rules = ViewRules(
-        "earlier",
-        int(max_views),
-        float(min_parallax_rad),
-        noise or CameraNoise(),
-        frozenset({(0, last)}),
-    )
-    found = fuse_sane(
-        sane,
-        motion,
-        rules,
-        spreads or Spreads(),
-        dataset=dataset,
-        principal=principal,
-        models=models,
-        notes=notes,
-    )
-    return _renumbered(found, looks)
+    return ready.fused(principal, None, rules, spreads or Spreads())
 
 
-def check_order(looks: Sequence[Look]) -> None:
+def fuse_looks_by(
+    looks: Sequence[Look],
+    principals: Sequence[str],
+    *,
+    dataset: str | None = None,
+    models: Mapping[str, Models] | None = None,
+    noise: CameraNoise | None = None,
+    max_views: int = 3,
+    min_parallax_rad: float = MIN_PARALLAX_RAD,
+    spreads: Spreads | None = None,
+) -> list[FusedEstimates]:
+    """Fuse looks as :func:`fuse_looks`, each object by the first principal that has an estimate.
+
+    Parameters
+    ----------
+    looks, dataset, models, noise, max_views, min_parallax_rad, spreads
+        As for :func:`fuse_looks`.
+    principals
+        Names, in the order in which they are preferred.
+
+    Returns
+    -------
+    One for each principal that has instances; none if the last look holds no sane estimate.
+
+    Raises
+    ------
+    InputError
+        As :func:`fuse_looks`, but for a last look without estimates.
+    MismatchError
+        As :func:`fuse_looks`.
+    """
+    rules = _rules(looks, max_views, min_parallax_rad, noise)
+    ready = _prepared(looks, dataset, models)
+    done: set[int] = set()
+    out = []
+    for name in principals:
+        if name not in ready.sane:
+            continue
+        table = ready.sane[name]
+        objects = set(table.obj_id[ready.judged(name)].tolist()) - done
+        if objects:
+            out.append(ready.fused(name, objects, rules, spreads or Spreads()))
+        done |= objects
+    return out
+
+
+def _check_order(looks: Sequence[Look]) -> None:
     """Raise unless looks are of one scene and their times increase.
 
     Raises
@@ -242,6 +253,77 @@ def check_order(looks: Sequence[Look]) -> None:
                 "should increase from look to look",
                 parameters=("time_s", "looks"),
             )
+
+
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """Looks that have passed all checks, as results whose images are the looks' numbers."""
+
+    looks: Sequence[Look]
+    dataset: str
+    models: Mapping[str, Models] | None
+    sane: Mapping[str, Results]
+    motion: CameraMotion | None
+    notes: Sequence[str]
+
+    def judged(self, name: str) -> Bool[ndarray, " n"]:
+        """Return which of an estimator's rows are of the last look."""
+        return np.asarray(self.sane[name].im_id == len(self.looks) - 1)
+
+    def fused(
+        self, principal: str, objects: set[int] | None, rules: ViewRules, spreads: Spreads
+    ) -> FusedEstimates:
+        """Fuse the principal's instances of some objects, or of all."""
+        sane = dict(self.sane)
+        if objects is not None:
+            table = sane[principal]
+            mine = np.isin(table.obj_id, list(objects)) | ~self.judged(principal)
+            sane[principal] = table if mine.all() else table.select(mine)
+        found = fuse_sane(
+            sane,
+            self.motion,
+            rules,
+            spreads,
+            dataset=self.dataset,
+            principal=principal,
+            models=self.models,
+            notes=self.notes,
+        )
+        return _renumbered(found, self.looks)
+
+
+def _prepared(
+    looks: Sequence[Look], dataset: str | None, models: Mapping[str, Models] | None
+) -> _Prepared:
+    _check_order(looks)
+    dataset = _dataset(looks, dataset)
+    names = list(dict.fromkeys(name for look in looks for name in look.results))
+    results = {name: _joined(name, looks) for name in names}
+    sane, notes = results, []
+    if names:
+        tables, _, left_out = sane_rows(results, dataset, models)
+        sane, notes = dict(zip(names, tables, strict=True)), list(left_out)
+        most = max(names, key=lambda name: len(sane[name]))
+        if len(sane[most]) >= MIN_INSTANCES:
+            check_estimators(sane, dataset, most, models)
+    empty = [i for i, look in enumerate(looks) if not len(look)]
+    notes += [f"no estimate in look {listed(empty)}"] if empty else []
+    motion = _motion(looks)
+    if motion is not None and len(looks) > 1:
+        notes += filter(None, [check_looks(sane, motion, len(looks) - 1)])
+    return _Prepared(looks, dataset, models, sane, motion, notes)
+
+
+def _rules(
+    looks: Sequence[Look], max_views: int, min_parallax_rad: float, noise: CameraNoise | None
+) -> ViewRules:
+    if not looks:
+        raise InputError("there is no look to fuse", parameters=("looks",))
+    if max_views != int(max_views):
+        raise InputError(f"max_views should be a whole number, not {max_views}")
+    last = frozenset({(0, len(looks) - 1)})
+    noise = noise or CameraNoise()
+    return ViewRules("earlier", int(max_views), float(min_parallax_rad), noise, last)
 
 
 def _by_name(estimator: str, poses: Mapping[Any, Any], datasets: set[str]) -> Results:
@@ -332,10 +414,6 @@ def _motion(looks: Sequence[Look]) -> CameraMotion | None:
     known = {(0, i): look.world_T_cam for i, look in enumerate(looks)}
     poses = {key: pose for key, pose in known.items() if pose is not None}
     return CameraMotion(poses, "the looks' camera poses") if poses else None
-
-
-def _because(notes: Sequence[str]) -> str:
-    return f": {'; '.join(notes)}" if notes else ""
 
 
 def _renumbered(found: FusedEstimates, looks: Sequence[Look]) -> FusedEstimates:
