@@ -110,7 +110,7 @@ def test_other_files_are_refused(whole: bytes, tmp_path: Path) -> None:
         write_arrays(path, arrays | {"card": np.array(json.dumps(changed))})
         assert "not a complete model file" in refused(path, path.read_bytes())
     write_arrays(path, arrays | {"card": np.array(json.dumps({**content, "format": 99}))})
-    assert "is a model of format 99, not 4" in refused(path, path.read_bytes())
+    assert "is a model of format 99, not 5" in refused(path, path.read_bytes())
     np.savez(path, **arrays)
     assert "has no digest" in refused(path, path.read_bytes())
     write_arrays(path, {"x": np.zeros(3)})
@@ -132,11 +132,11 @@ def test_no_part_of_a_file_with_forests_is_taken_for_a_model(
     path.write_bytes(content)
     arrays = read_arrays(path, "")
     needed = [
-        *(f"predictor/{part}/feature" for part in ("direct", "errors/f", "success_given_error")),
-        "predictor/errors/members",
-        "predictor/calibration",
-        "novelty/scores",
-        "typical",
+        *(f"0/predictor/{part}/feature" for part in ("direct", "errors/f", "success_given_error")),
+        "0/predictor/errors/members",
+        "0/predictor/calibration",
+        "0/novelty/scores",
+        "0/typical",
     ]
     for name in needed:
         write_arrays(path, {k: v for k, v in arrays.items() if k != name})

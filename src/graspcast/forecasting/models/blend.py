@@ -208,11 +208,18 @@ class Blend:
             out[mine] = self.views.calibrated(raw)
         return out
 
+    @property
+    def _parts(self) -> Bool[ndarray, "4"]:
+        """Which parts there are, by which a file that lacks one is found."""
+        parts = (self.direct, self.errors, self.success_given_error, self.views)
+        return np.array([part is not None for part in parts])
+
     def to_arrays(self, *, shared: bool = True) -> dict[str, ndarray]:
         """Return everything learned as named arrays; without what guides share if asked."""
         plain = ("estimator", "tried", "known", "columns", "calibration")
         out = {name: getattr(self, name) for name in plain}
         out |= {"weight": np.array(self.weight), "draws": np.array(self.draws)}
+        out["parts"] = self._parts
         if self.out_of_fold is not None:
             out |= self.out_of_fold.to_arrays()
         if self.errors is not None:
@@ -257,7 +264,7 @@ class Blend:
             )
             if success_given_error.forest.columns > ERROR_INPUTS + objects:
                 raise ValueError("the model of success given error needs columns that are none")
-        return cls(
+        out = cls(
             direct,
             errors,
             success_given_error,
@@ -271,3 +278,6 @@ class Blend:
             OutOfFold.from_arrays(arrays) if "out_of_fold/image" in arrays else None,
             views,
         )
+        if not np.array_equal(out._parts, arrays["parts"]):
+            raise ValueError("a part of the model is missing")
+        return out
