@@ -249,6 +249,7 @@ def test_threads(world: World) -> None:
     assert sorted(v.looks for v in looks) == list(range(1, 17))
 
 
+@pytest.mark.ill_typed
 def test_what_an_episode_cannot_be_made_of(world: World) -> None:
     with pytest.raises(MismatchError, match="not trained for d-9"):
         Episode(world.forecaster, "d-9")
