@@ -54,6 +54,10 @@ class World:
         return {name: results_of(self.estimates.of(name)) for name in "abc"}
 
     @property
+    def episode(self) -> Any:
+        return graspcast.Episode(self.forecaster, "d-1", models=self.models)
+
+    @property
     def frame(self) -> dict[str, Any]:
         ids = {"scene_id": [1], "im_id": [3], "obj_id": [5], "score": [0.9]}
         return {**ids, "cam_T_obj": [self.estimates.of("a")[0]]}
@@ -157,6 +161,12 @@ CALLS: dict[str, Call] = {
     "check_gripper": lambda w, x: graspcast.check_gripper(x),
     "trials_from_estimates": lambda w, x: graspcast.trials_from_estimates(x, x, x),
     "run_campaign": lambda w, x: graspcast.run_campaign(x, x, x),
+    "Look": lambda w, x: graspcast.fuse_looks([graspcast.Look(x, np.eye(4))]),
+    "fuse_looks": lambda w, x: graspcast.fuse_looks(x),
+    "Episode": lambda w, x: graspcast.Episode(w.forecaster, x, models=w.models),
+    "Episode, poses": lambda w, x: w.episode.look(x, np.eye(4)),
+    "Episode, pose": lambda w, x: w.episode.look({**w.poses, "b": x}, np.eye(4)),
+    "Episode, camera": lambda w, x: w.episode.look(w.poses, x),
     "load_setups": lambda w, x: graspcast.load_setups(x, x),
     "reproduce": lambda w, x: graspcast.reproduce(x),
     "join": lambda w, x: graspcast.TrainingData.join(x, None, "a", "parallel"),

@@ -52,6 +52,8 @@ if TYPE_CHECKING:
     from graspcast.evaluation.cross_validation import cross_validate
     from graspcast.evaluation.estimator_comparison import compare
     from graspcast.evaluation.verdict_scores import score_verdicts
+    from graspcast.forecasting.episode_verdict import EpisodeVerdict
+    from graspcast.forecasting.episodes import Episode, Episodes
     from graspcast.forecasting.fallbacks import Fallbacks
     from graspcast.forecasting.features import consensus_features
     from graspcast.forecasting.forecaster import Forecaster
@@ -76,6 +78,9 @@ if TYPE_CHECKING:
     from graspcast.views.camera_motion import CameraMotion, CameraNoise
     from graspcast.views.camera_tables import read_camera_motion
     from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
+    from graspcast.views.look import Look
+    from graspcast.views.looks import fuse_looks
+    from graspcast.views.next_look import NextLook, next_look
     from graspcast.views.spread import learn_spreads
 
 _HOME = {
@@ -101,6 +106,8 @@ _HOME = {
     "evaluation.cross_validation": ("cross_validate",),
     "evaluation.estimator_comparison": ("compare",),
     "evaluation.verdict_scores": ("score_verdicts",),
+    "forecasting.episode_verdict": ("EpisodeVerdict",),
+    "forecasting.episodes": ("Episode", "Episodes"),
     "forecasting.fallbacks": ("Fallbacks",),
     "forecasting.features": ("consensus_features",),
     "forecasting.forecaster": ("Forecaster",),
@@ -110,12 +117,8 @@ _HOME = {
         "SimulatedTrials",
         "TrainingData",
     ),
-    "forecasting.verdict": (
-        "Verdict",
-        "VerdictRow",
-        "read_verdicts",
-        "write_verdicts",
-    ),
+    "forecasting.verdict": ("Verdict", "VerdictRow"),
+    "forecasting.verdict_file": ("read_verdicts", "write_verdicts"),
     "guarantees.certificate": ("Certificate",),
     "guarantees.drift_monitor": ("DriftMonitor",),
     "paper.tables": ("reproduce",),
@@ -135,6 +138,9 @@ _HOME = {
     "views.camera_motion": ("CameraMotion", "CameraNoise"),
     "views.camera_tables": ("read_camera_motion",),
     "views.fused_estimates": ("FusedEstimates", "fuse_estimates"),
+    "views.look": ("Look",),
+    "views.looks": ("fuse_looks",),
+    "views.next_look": ("NextLook", "next_look"),
     "views.spread": ("learn_spreads",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

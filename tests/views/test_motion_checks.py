@@ -8,7 +8,7 @@ import pytest
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
 from graspcast.pose.transforms import invert
-from graspcast.views.motion_checks import check_motion
+from graspcast.views.motion_checks import check_looks, check_motion
 from static_scenes import estimates_of, motion_of, objects, orbit, scattered, seen
 
 CAMERAS = orbit(12)
@@ -73,3 +73,14 @@ def test_a_camera_that_stands_still_contradicts_nothing() -> None:
     still = np.repeat(CAMERAS[:1], 12, axis=0)
     poses = seen(still, objects())
     assert check_motion({"a": estimates_of(scattered(poses, 1))}, motion_of(still)) == ""
+
+
+def test_looks_are_compared_with_the_last_one() -> None:
+    assert check_looks(given(), motion_of(CAMERAS), 11) == ""
+    assert check_looks(given(), motion_of(CAMERAS[:5]), 11) == ""  # no camera pose of look 11
+    with pytest.raises(MismatchError, match=r"from look to look, .*in millimetres instead"):
+        check_looks(given(), motion_of(scaled(1e3)), 11)
+    of_one = {"a": given()["a"].select(np.array([0, 5]))}  # object 1 in image 0, object 2 in 1
+    assert "no object is in another look" in check_looks(of_one, motion_of(CAMERAS), 1)
+    other = orbit(12, degrees=-35.0, radius_m=1.1)
+    assert "was an object moved" in check_looks(given(), motion_of(other), 11)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -18,7 +17,7 @@ from graspcast.estimates.instances import InstanceKey, Instances, split_object_n
 from graspcast.forecasting.model_card import ModelCard
 from graspcast.io.arguments import NAME, NAMED, PATH, a, mapping, number
 from graspcast.pose.lengths import shown
-from graspcast.pose.sanity import is_placeholder, pose_problems
+from graspcast.pose.sanity import as_pose, is_placeholder, pose_problems
 
 __all__ = [
     "ARGUMENTS",
@@ -163,20 +162,7 @@ def estimates_of_one(
     InputError
         For what is not a 4x4 matrix of numbers.
     """
-    arrays = [np.eye(4) if p is None else _as_matrix(name, p) for name, p in poses.items()]
+    arrays = [np.eye(4) if p is None else as_pose(name, p) for name, p in poses.items()]
     dataset, obj_id = split_object_name(object_name)
     instances = Instances.of([InstanceKey(dataset, 0, 0, obj_id, 0)])
     return Estimates(tuple(poses), instances, np.stack(arrays)[:, None])
-
-
-def _as_matrix(name: str, pose: Any) -> Float[ndarray, "4 4"]:
-    try:
-        given = np.asarray(pose)
-        out = np.asarray(given, dtype=np.float64) if given.dtype.kind in "fiuO" else np.empty(0)
-        if np.ma.isMaskedArray(pose):  # what is masked is not known
-            out = np.where(np.ma.getmaskarray(pose), np.nan, out)
-    except Exception:  # tensors of other libraries raise what they like
-        out = np.empty(0)
-    if out.shape != (4, 4):
-        raise InputError(f"the pose by {name} is not a 4x4 matrix of numbers")
-    return out

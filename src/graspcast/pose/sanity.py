@@ -6,10 +6,13 @@ A pose that fails is no estimate, and is never attempted.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
+from graspcast.errors import InputError
 from graspcast.pose.lengths import Reference, between, shown, unit_problem
 from graspcast.pose.transforms import norms
 
@@ -20,6 +23,7 @@ __all__ = [
     "NEAREST_DIAMETERS",
     "NEAREST_M",
     "USUAL_DIAMETERS",
+    "as_pose",
     "distance_reference",
     "is_placeholder",
     "pose_problems",
@@ -45,6 +49,33 @@ USUAL_DIAMETERS = (1.0, 30.0)
 NEAREST_M, FARTHEST_M = 0.02, 20.0
 """The range where the object's size is unknown; published estimates are 0.3 to 2 m away."""
 _UNIT, _LAST_ROW = np.eye(3), np.array([0.0, 0.0, 0.0, 1.0])
+
+
+def as_pose(whose: str, pose: Any) -> Float[ndarray, "4 4"]:
+    """Return a pose that was given as an array of another kind, unchecked but for its shape.
+
+    Parameters
+    ----------
+    whose
+        The estimator, for the message.
+    pose
+        What was given; masked entries become NaN.
+
+    Raises
+    ------
+    InputError
+        For what is not a 4x4 matrix of numbers.
+    """
+    try:
+        given = np.asarray(pose)
+        out = np.asarray(given, dtype=np.float64) if given.dtype.kind in "fiuO" else np.empty(0)
+        if np.ma.isMaskedArray(pose):  # what is masked is not known
+            out = np.where(np.ma.getmaskarray(pose), np.nan, out)
+    except Exception:  # tensors of other libraries raise what they like
+        out = np.empty(0)
+    if out.shape != (4, 4):
+        raise InputError(f"the pose by {whose} is not a 4x4 matrix of numbers")
+    return out
 
 
 def is_placeholder(cam_T_obj: Float[ndarray, "*n 4 4"]) -> Bool[ndarray, "*n"]:

@@ -18,7 +18,7 @@ from graspcast.pose.sanity import rotation_problem
 from graspcast.pose.transforms import compose, invert, project_to_rotation
 from graspcast.views.motion import ViewMotions
 
-__all__ = ["CameraMotion", "CameraNoise"]
+__all__ = ["CameraMotion", "CameraNoise", "rigid"]
 
 _RADIANS = {"deg": np.pi / 180, "rad": 1.0}
 _NOISE = re.compile(r"\s*([0-9.eE+-]+)\s*([a-z]+)\s*,\s*([0-9.eE+-]+)\s*([a-z]+)\s*")
@@ -107,7 +107,7 @@ class CameraMotion:
         for key, pose in self.world_T_cam.items():
             _check_key(key, self.source)
             try:
-                checked[int(key[0]), int(key[1])] = _rigid(pose)
+                checked[int(key[0]), int(key[1])] = rigid(pose)
             except ValueError as error:
                 raise InputError(
                     f"{self.source}, image {key[0]}/{key[1]}: the camera's pose {error}",
@@ -206,7 +206,7 @@ def _check_key(key: Any, source: str) -> None:
         )
 
 
-def _rigid(pose: Any) -> Float[ndarray, "4 4"]:
+def rigid(pose: Any) -> Float[ndarray, "4 4"]:
     """Return a pose with an exact rotation.
 
     Raises

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,7 +33,12 @@ from graspcast.views.spread import Spreads
 if TYPE_CHECKING:
     from polars import DataFrame
 
-__all__ = ["FusedEstimates", "fuse_estimates"]
+__all__ = [
+    "FusedEstimates",
+    "check_estimators",
+    "fuse_estimates",
+    "fuse_sane",
+]
 
 _HALF_SCORE_M = 0.01
 
@@ -234,16 +239,15 @@ def fuse_estimates(
     if max_views != int(max_views):
         raise InputError(f"max_views should be a whole number, not {max_views}")
     tables, _, left_out = sane_rows(results, dataset, models)
-    sane = dict(zip(names, tables, strict=True))
-    notes = list(left_out)
+    sane, notes = dict(zip(names, tables, strict=True)), list(left_out)
     if not len(sane[principal]):
         raise InputError(
             f"{results[principal].source}: {principal} has no estimate to fuse",
             parameters=("estimates", "principal"),
         )
-    _check_estimators(sane, dataset, principal, models)
+    check_estimators(sane, dataset, principal, models)
     if motion is not None:
-        scenes = {s for table in tables for s in set(table.scene_id.tolist())}
+        scenes = {s for table in sane.values() for s in set(table.scene_id.tolist())}
         if not scenes & motion.scenes:
             raise MismatchError(
                 f"{motion.source}: the camera poses are of other scenes "
@@ -253,7 +257,31 @@ def fuse_estimates(
         if isinstance(motion, CameraMotion):
             notes += filter(None, [check_motion(sane, motion)])
     rules = ViewRules(views_from, int(max_views), float(min_parallax_rad), noise or CameraNoise())
-    spreads, symmetries = spreads or Spreads(), _symmetries(dataset, models)
+    return fuse_sane(
+        sane,
+        motion,
+        rules,
+        spreads or Spreads(),
+        dataset=dataset,
+        principal=principal,
+        models=models,
+        notes=notes,
+    )
+
+
+def fuse_sane(
+    sane: Mapping[str, Results],
+    motion: Motion | None,
+    rules: ViewRules,
+    spreads: Spreads,
+    *,
+    dataset: str,
+    principal: str,
+    models: Mapping[str, Models] | None,
+    notes: Sequence[str] = (),
+) -> FusedEstimates:
+    """Gather and fuse estimates that have passed all checks; see :func:`fuse_estimates`."""
+    names, symmetries = tuple(sane), _symmetries(dataset, models)
     gathered = gather(sane, motion, dataset, principal, spreads, symmetries, rules)
     poses = fuse_poses(
         gathered.view_T_obj,
@@ -264,13 +292,12 @@ def fuse_estimates(
         symmetries=[symmetries.get(o, _NONE) for o in gathered.instances.obj_id.tolist()],
         principal=names.index(principal),
     )
-    return replace(
-        FusedEstimates(names, principal, gathered.instances, poses, gathered),
-        notes=tuple(notes + _impossible(poses, gathered.instances, dataset, models)),
-    )
+    found = _impossible(poses, gathered.instances, dataset, models)
+    keys = gathered.instances
+    return FusedEstimates(names, principal, keys, poses, gathered, (*notes, *found))
 
 
-def _check_estimators(
+def check_estimators(
     results: Mapping[str, Results],
     dataset: str,
     principal: str,

@@ -43,12 +43,15 @@ class ViewRules:
         Least angle between any two.
     noise
         Of the camera motion, beside what the motion itself states.
+    images
+        The images (scene_id, im_id) whose instances are wanted; None for all.
     """
 
     views_from: ViewsFrom
     max_views: int
     min_parallax_rad: float
     noise: CameraNoise
+    images: frozenset[tuple[int, int]] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,6 +272,8 @@ def gather(
     keys: list[InstanceKey] = []
     rows: list[_Row] = []
     for key in sorted(work.rows[work.first]):
+        if rules.images is not None and key[:2] not in rules.images:
+            continue
         for est_id, row in enumerate(work.of_image(key)):
             keys.append(InstanceKey(dataset, *key, est_id))
             rows.append(row)

@@ -20,7 +20,7 @@ from graspcast.pose.lengths import METRES, UNIT_NAMES, shown
 from graspcast.pose.transforms import compose, invert, transform_points
 from graspcast.views.camera_motion import CameraMotion
 
-__all__ = ["check_motion"]
+__all__ = ["check_looks", "check_motion"]
 
 _AGREE, _DISAGREE, _BETTER, _SURELY = 0.06, 0.12, 3.0, 0.03
 """Median disagreements as shares of the distance; how much better another reading has to be."""
@@ -57,17 +57,10 @@ def check_motion(results: Mapping[str, Results], motion: CameraMotion) -> str:
     scene = np.array([pair[0] for pair in pairs])
     a, b, t_a, t_b = (np.stack([pair[i] for pair in pairs]) for i in range(1, 5))
     given = _disagreement(a, b, t_a, t_b)
-    found = {words: _disagreement(*read, t_a, t_b) for words, read in _readings(a, b)}
-    words = min(found, key=lambda w: float(np.median(found[w])))
-    best, now = float(np.median(found[words])), float(np.median(given))
-    far = float(np.median(np.linalg.norm(t_a, axis=1)))
-    if now > _SURELY and best < _AGREE and best * _BETTER < now:
-        raise MismatchError(
-            f"{motion.source}: the camera poses contradict the estimates: carried from image to "
-            f"image, positions of objects differ by a median of {shown(now * far)}; {words}, it "
-            f"would be {shown(best * far)}",
-            parameters=("camera_poses",),
-        )
+    now = float(np.median(given))
+    if now > _SURELY:
+        source = f"{motion.source}: "
+        _refuse_wrong_reading(a, b, t_a, t_b, least=_AGREE, source=source, what="image")
     wrong = [
         int(s)
         for s in np.unique(scene)
@@ -76,6 +69,7 @@ def check_motion(results: Mapping[str, Results], motion: CameraMotion) -> str:
     if wrong or now > _DISAGREE:
         where = f"in scene {listed(wrong)} " if wrong else ""
         off = float(np.median(given[np.isin(scene, wrong)])) if wrong else now
+        far = float(np.median(np.linalg.norm(t_a, axis=1)))
         raise MismatchError(
             f"{motion.source}: the camera poses contradict the estimates: carried from image to "
             f"image, positions of objects {where}differ by a median of {shown(off * far)}, and no "
@@ -85,6 +79,91 @@ def check_motion(results: Mapping[str, Results], motion: CameraMotion) -> str:
             parameters=("camera_poses",),
         )
     return ""
+
+
+def check_looks(results: Mapping[str, Results], motion: CameraMotion, im_id: int) -> str:
+    """Raise if only another reading of the camera poses makes the estimates of a few looks agree.
+
+    Parameters
+    ----------
+    results
+        Estimator's name to its results, of one scene.
+    motion
+        The camera's poses.
+    im_id
+        The last look's image; every other look is compared with it.
+
+    Returns
+    -------
+    A remark if they do not agree, or there is little to compare; or nothing.
+
+    Raises
+    ------
+    MismatchError
+        Naming the unit, direction or convention with which they would agree.
+    """
+    pairs = list(_pairs_with(results, motion, im_id))
+    cameras = {image for _, image in motion.world_T_cam}
+    if im_id not in cameras or len(cameras) == 1:
+        return ""
+    if not pairs:
+        return "the camera poses could not be checked: no object is in another look too"
+    a, b, t_a, t_b = (np.stack([pair[i] for pair in pairs]) for i in range(1, 5))
+    now = float(np.median(_disagreement(a, b, t_a, t_b)))
+    if now > _DISAGREE:
+        _refuse_wrong_reading(a, b, t_a, t_b, least=_SURELY, source="", what="look")
+        far = float(np.median(np.linalg.norm(t_a, axis=1)))
+        return (
+            "the camera poses contradict the estimates: carried from look to look, positions of "
+            f"objects differ by a median of {shown(now * far)}; was an object moved, or are the "
+            "camera poses of another scene?"
+        )
+    if len({pair[0] for pair in pairs}) == 1:
+        return "the camera poses were checked by one object in two looks alone"
+    return ""
+
+
+def _refuse_wrong_reading(
+    a: Float[ndarray, "m 4 4"],
+    b: Float[ndarray, "m 4 4"],
+    t_a: Float[ndarray, "m 3"],
+    t_b: Float[ndarray, "m 3"],
+    *,
+    least: float,
+    source: str,
+    what: str,
+) -> None:
+    """Raise if another reading of the camera poses makes the positions agree."""
+    now = float(np.median(_disagreement(a, b, t_a, t_b)))
+    found = {words: _disagreement(*read, t_a, t_b) for words, read in _readings(a, b)}
+    words = min(found, key=lambda w: float(np.median(found[w])))
+    best = float(np.median(found[words]))
+    if best < least and best * _BETTER < now:
+        far = float(np.median(np.linalg.norm(t_a, axis=1)))
+        raise MismatchError(
+            f"{source}the camera poses contradict the estimates: carried from {what} to {what}, "
+            f"positions of objects differ by a median of {shown(now * far)}; {words}, it would be "
+            f"{shown(best * far)}",
+            parameters=("camera_poses", "world_T_cam"),
+        )
+
+
+def _pairs_with(
+    results: Mapping[str, Results], motion: CameraMotion, im_id: int
+) -> Iterator[tuple[tuple[int, int], ndarray, ndarray, ndarray, ndarray]]:
+    """Yield object and image, and what :func:`_pairs` does, of every other image with this one."""
+    cameras = {image: pose for (_, image), pose in motion.world_T_cam.items()}
+    if im_id not in cameras:
+        return
+    for table in results.values():
+        rows: dict[tuple[int, int], list[int]] = {}
+        for row, key in enumerate(zip(table.obj_id.tolist(), table.im_id.tolist(), strict=True)):
+            rows.setdefault(key, []).append(row)
+        for (obj_id, other), there in rows.items():
+            here = rows.get((obj_id, im_id), [])
+            if other != im_id and other in cameras and len(there) == len(here) == 1:
+                t_here, t_there = (table.cam_T_obj[i, :3, 3] for i in (here[0], there[0]))
+                yield (obj_id, other), cameras[im_id], cameras[other], t_here, t_there
 
 
 def _pairs(

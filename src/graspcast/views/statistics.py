@@ -7,9 +7,6 @@ serves for any.
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable
-
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
@@ -84,11 +81,13 @@ def fusion_statistics(fused: FusedEstimates) -> Float[ndarray, "n d"]:
         np.log(smallest),
         np.log(largest),
     ]
+    there = used.reshape(len(used), -1)
     for size in _sizes(fused, by):
-        over = (np.nanmedian, np.nanmax, np.nanmean)
-        columns.extend(np.log(_SMALLEST + _over(size, used, how)) for how in over)
-    own = np.where(gathered.present[:, 0, :, None], by[:, 0], np.nan)
-    columns.extend(compressed(_quiet(np.nanmedian, own)).T)
+        values = size.reshape(there.shape)
+        found = (_median(values, there), _largest(values, there), _mean(values, there))
+        columns.extend(np.log(_SMALLEST + value) for value in found)
+    mine = np.repeat(gathered.present[:, 0, :, None], by.shape[-1], axis=2)
+    columns.extend(compressed(_median(by[:, 0], mine)).T)
     return np.stack(columns, axis=1)
 
 
@@ -106,16 +105,24 @@ def _sizes(fused: FusedEstimates, by: Float[ndarray, "n v k 6"]) -> list[Float[n
     return [np.abs(along) / safe[..., 0], across / safe[..., 0], norms(by[..., 3:])[..., 0]]
 
 
-def _over(
-    size: Float[ndarray, "n v k"],
-    used: Bool[ndarray, "n v k"],
-    how: Callable[..., ndarray],
-) -> Float[ndarray, " n"]:
-    return _quiet(how, np.where(used, size, np.nan).reshape(len(size), -1))
+# NumPy's functions for missing values warn where all are missing, and to silence them is not safe
+# where several threads do. These are 0 there.
 
 
-def _quiet(how: Callable[..., ndarray], values: ndarray) -> ndarray:
-    """Reduce along axis 1, without what is missing; 0 where all is."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
-        return np.nan_to_num(how(values, axis=1), nan=0.0)
+def _median(values: Float[ndarray, "n m *d"], there: Bool[ndarray, "n m *d"]) -> ndarray:
+    """Return the median along axis 1 of the values that are there."""
+    ordered = np.sort(np.where(there, values, np.inf), axis=1)
+    count = there.sum(axis=1, keepdims=True)
+    middle = (np.maximum(count - 1, 0) // 2, np.minimum(count // 2, values.shape[1] - 1))
+    low, high = (np.take_along_axis(ordered, i, axis=1) for i in middle)
+    return np.where(count > 0, (low + high) / 2, 0.0)[:, 0]
+
+
+def _largest(values: Float[ndarray, "n m"], there: Bool[ndarray, "n m"]) -> Float[ndarray, " n"]:
+    largest = np.where(there, values, -np.inf).max(axis=1)
+    return np.where(there.any(axis=1), largest, 0.0)
+
+
+def _mean(values: Float[ndarray, "n m"], there: Bool[ndarray, "n m"]) -> Float[ndarray, " n"]:
+    total = np.where(there, values, 0.0).sum(axis=1)
+    return np.asarray(total / np.maximum(there.sum(axis=1), 1))

@@ -1,0 +1,386 @@
+"""Episodes at run time: look at an object, or at all, until it can be grasped, or not.
+
+Nothing here reads or writes files. An episode may be asked by several threads; each look waits for
+the one before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from graspcast.bop.models import Models
+from graspcast.bop.results import Results
+from graspcast.errors import InputError, UnknownNameError
+from graspcast.estimates.checks import no_estimate_by
+from graspcast.estimates.instances import split_object_name
+from graspcast.forecasting.episode_verdict import EpisodeVerdict, from_where
+from graspcast.forecasting.forecaster import Forecaster
+from graspcast.forecasting.look_again import MIN_GAIN
+from graspcast.forecasting.novelty import OOD_ALPHA
+from graspcast.forecasting.verdict import Verdict, VerdictRow, check_threshold
+from graspcast.forecasting.view_verdicts import BEST, FUSED
+from graspcast.io.arguments import NAME, NAMED, a, checked, mapping, number
+from graspcast.pose.sanity import is_placeholder, pose_problems
+from graspcast.pose.transforms import compose
+from graspcast.views.camera_motion import CameraMotion, CameraNoise
+from graspcast.views.fused_estimates import FusedEstimates
+from graspcast.views.look import Look
+from graspcast.views.looks import fuse_looks_by
+from graspcast.views.tracks import Tracks
+
+__all__ = ["Episode", "Episodes"]
+
+_KEPT = 20
+"""Looks that are remembered; a robot takes a few."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Taken:
+    """A look with what is known after it."""
+
+    verdicts: list[EpisodeVerdict]
+    looks: tuple[Look, ...]
+    tracks: Tracks
+    count: int
+
+
+@checked(results=mapping(a(Results), "estimator"))
+class Episodes:
+    """Looks at all objects of a static scene, each with a verdict after every look.
+
+    ::
+
+        episodes = Episodes(forecaster, "ycbv", models=models, threshold=0.8, guide="fused")
+        for verdict in episodes.look({"epos": results_a, "gdrnpp": results_b}, world_T_cam):
+            print(verdict.instance, verdict.object_name, verdict, verdict.reason)
+
+    A new scene, or a moved object, takes new episodes, or :meth:`forget`.
+
+    Parameters
+    ----------
+    forecaster
+        A trained forecaster. One that was trained without views answers from the last look alone.
+    dataset
+        The dataset's name, as in training.
+    models
+        Dataset's name to its object models.
+    threshold
+        Attempt at this probability or above it.
+    guide
+        Whose pose guides the grasp: an estimator's name, ``fused``, or ``best``, whichever has the
+        highest probability; None is the forecaster's principal.
+    max_looks
+        Looks in all after which the advice is never to look again.
+    max_views
+        At most so many looks are fused, this one included.
+    min_gain
+        Look again only if success is expected to be more probable by this much.
+    noise
+        Standard deviations of the camera's motion between looks; none by default.
+    ood_alpha, guarantee
+        As for :meth:`Forecaster.verdicts`.
+
+    Raises
+    ------
+    InputError
+        For a threshold outside [0, 1] and for options that are no numbers.
+    UnknownNameError
+        For a guide that the forecaster does not know.
+    """
+
+    @checked(
+        forecaster=a(Forecaster),
+        dataset=NAME,
+        models=mapping(a(Models), "dataset"),
+        threshold=number(),
+        guide=NAME,
+        max_looks=number(1.0, 1000.0),
+        max_views=number(1.0, 1000.0),
+        min_gain=number(0.0, 1.0),
+        noise=a(CameraNoise),
+        ood_alpha=number(0.0, 1.0),
+        guarantee=NAME,
+    )
+    def __init__(
+        self,
+        forecaster: Forecaster,
+        dataset: str,
+        *,
+        models: Mapping[str, Models] | None = None,
+        threshold: float = 0.5,
+        guide: str | None = None,
+        max_looks: int = 3,
+        max_views: int = 3,
+        min_gain: float = MIN_GAIN,
+        noise: CameraNoise | None = None,
+        ood_alpha: float = OOD_ALPHA,
+        guarantee: str | None = None,
+    ):
+        guide = forecaster.card.principal if guide is None else guide
+        if guide not in (known := (*forecaster.guides, FUSED, BEST)):
+            raise UnknownNameError("guide", guide, known, parameters=("guide",))
+        if max_looks != int(max_looks) or max_views != int(max_views):
+            raise InputError("Episode: max_looks and max_views should be whole numbers")
+        self.forecaster, self.dataset, self.models = forecaster, dataset, models
+        self.max_looks, self.max_views = int(max_looks), int(max_views)
+        self._noise = noise
+        self._options: dict[str, Any] = {
+            "guide": guide,
+            "threshold": check_threshold(threshold),
+            "guarantee": guarantee,
+            "ood_alpha": ood_alpha,
+            "min_gain": min_gain,
+            "noise": noise,
+        }
+        # Whose estimates are the instances: the guide's, or those of one that may guide.
+        names = (guide, *forecaster.guides, *forecaster.card.estimators)
+        self._order = [n for n in dict.fromkeys(names) if n in forecaster.card.estimators]
+        self._lock = Lock()
+        self._looks: tuple[Look, ...] = ()
+        self._tracks, self._count = Tracks(), 0
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.dataset}, {self._count} looks)"
+
+    def forget(self) -> None:
+        """Forget all looks, as when an object was moved."""
+        with self._lock:
+            self._looks, self._tracks, self._count = (), Tracks(), 0
+
+    def look(
+        self,
+        results: Mapping[str, Results],
+        world_T_cam: Float[ndarray, "4 4"] | None = None,
+        K: Float[ndarray, "3 3"] | None = None,
+        *,
+        time_s: float | None = None,
+    ) -> list[EpisodeVerdict]:
+        """Take a further look at the scene.
+
+        Parameters
+        ----------
+        results
+            Estimator's name to all that it found in this image.
+        world_T_cam
+            The camera's pose in the world, metres; None if it is not known.
+        K
+            Intrinsics in pixels; they are checked, and may differ between looks.
+        time_s
+            When it was, seconds; it should increase.
+
+        Returns
+        -------
+        One verdict for each instance in this look, ordered by instance.
+
+        Raises
+        ------
+        UnknownNameError
+            For an estimator that the forecaster was not trained with.
+        InputError, MismatchError
+            As :func:`~graspcast.views.looks.fuse_looks`. The look then does not count.
+        """
+        return self._look(results, world_T_cam, K, time_s).verdicts
+
+    def _look(
+        self, estimates: Mapping[str, Any], world_T_cam: Any, K: Any, time_s: float | None
+    ) -> _Taken:
+        names = self.forecaster.card.estimators
+        if unknown := [name for name in estimates if name not in names]:
+            raise UnknownNameError("estimator", unknown[0], names, parameters=("estimates",))
+        complete = {name: estimates.get(name, {}) for name in names}
+        look = Look(complete, world_T_cam, K, time_s)
+        with self._lock:
+            looks = (*self._looks, look)[-_KEPT:]
+            fused = fuse_looks_by(
+                looks,
+                self._order,
+                dataset=self.dataset,
+                models=self.models,
+                noise=self._noise,
+                max_views=self.max_views,
+            )
+            tracks, count = self._tracks.copy(), self._count + 1
+            out = [v for part in fused for v in self._verdicts(part, look, tracks, count)]
+            self._looks, self._tracks, self._count = looks, tracks, count
+        return _Taken(sorted(out, key=lambda v: v.instance), looks, tracks, count)
+
+    def _verdicts(
+        self, fused: FusedEstimates, look: Look, tracks: Tracks, count: int
+    ) -> list[EpisodeVerdict]:
+        """Judge the instances of one principal, and number them."""
+        world_T_cam = look.world_T_cam
+        numbers, doubts = tracks.follow(fused, world_T_cam, self.models)
+        left_out = fused.gathered.single_views() if count > 1 else []
+        shared = tuple(dict.fromkeys((*fused.notes, *left_out)))
+        out = []
+        for row, n, doubt in zip(self._rows(fused, look, count), numbers, doubts, strict=True):
+            pose = row.cam_T_obj
+            verdict = EpisodeVerdict(
+                instance=n,
+                object_name=row.key.object,
+                verdict=row.verdict,
+                guide=row.principal,
+                cam_T_obj=pose,
+                world_T_obj=None if world_T_cam is None else compose(world_T_cam, pose),
+                views=row.views,
+                looks=count,
+                row=row,
+                notes=(*filter(None, [doubt]), *shared),
+            )
+            out.append(verdict)
+        return out
+
+    def _rows(self, fused: FusedEstimates, look: Look, count: int) -> list[VerdictRow]:
+        keys, known = fused.instances, set(self.forecaster.card.objects)
+        if not known.intersection(keys.objects.tolist()):
+            return [
+                VerdictRow(
+                    key,
+                    fused.principal,
+                    self.forecaster.card.gripper,
+                    Verdict(False, None, f"the model was not trained for {key.object}"),
+                    pose,
+                )
+                for key, pose in zip(keys.to_keys(), fused.poses.cam_T_obj, strict=True)
+            ]
+        motion = None
+        if look.world_T_cam is not None:
+            image = int(keys.scene_id[0]), int(keys.im_id[0])
+            motion = CameraMotion({image: look.world_T_cam})
+        most = self.max_looks if count < self.max_looks else 1
+        return self.forecaster.judge(
+            fused, self.models, max_looks=most, motion=motion, **self._options
+        )
+
+
+@checked(poses=NAMED)
+class Episode:
+    """Looks at one object, with a verdict after each.
+
+    ::
+
+        episode = Episode(forecaster, "ycbv-5", models=models, threshold=0.8, guide="fused")
+        verdict = episode.look({"epos": cam_T_a, "gdrnpp": cam_T_b}, world_T_cam)
+        while verdict.look:
+            move_camera(verdict.look.direction_world)
+            verdict = episode.look(estimate(), camera_pose())
+        if verdict.attempt:
+            grasp(verdict.world_T_obj)
+
+    Parameters
+    ----------
+    forecaster
+        A trained forecaster. One that was trained without views answers from the last look alone.
+    object_name
+        ``dataset-obj_id``, as in ``ycbv-5``.
+    models, threshold, guide, max_looks, max_views, min_gain, noise, ood_alpha, guarantee
+        As for :class:`Episodes`.
+
+    Raises
+    ------
+    MismatchError
+        For an object that is not in training.
+    InputError, UnknownNameError
+        As :class:`Episodes`.
+    """
+
+    @checked(forecaster=a(Forecaster), object_name=NAME)
+    def __init__(
+        self,
+        forecaster: Forecaster,
+        object_name: str,
+        *,
+        models: Mapping[str, Models] | None = None,
+        threshold: float = 0.5,
+        guide: str | None = None,
+        max_looks: int = 3,
+        max_views: int = 3,
+        min_gain: float = MIN_GAIN,
+        noise: CameraNoise | None = None,
+        ood_alpha: float = OOD_ALPHA,
+        guarantee: str | None = None,
+    ):
+        dataset, _ = split_object_name(object_name)
+        forecaster.card.numbers_of([object_name])
+        self.object_name = object_name
+        self._scene = Episodes(
+            forecaster,
+            dataset,
+            models=models,
+            threshold=threshold,
+            guide=guide,
+            max_looks=max_looks,
+            max_views=max_views,
+            min_gain=min_gain,
+            noise=noise,
+            ood_alpha=ood_alpha,
+            guarantee=guarantee,
+        )
+
+    def __repr__(self) -> str:
+        return f"Episode({self.object_name}, {self._scene._count} looks)"
+
+    def forget(self) -> None:
+        """Forget all looks, as when the object was moved."""
+        self._scene.forget()
+
+    def look(
+        self,
+        poses: Mapping[str, Float[ndarray, "4 4"] | None],
+        world_T_cam: Float[ndarray, "4 4"] | None = None,
+        K: Float[ndarray, "3 3"] | None = None,
+        *,
+        time_s: float | None = None,
+    ) -> EpisodeVerdict:
+        """Take a further look at the object.
+
+        Parameters
+        ----------
+        poses
+            Estimator's name to its ``cam_T_obj``, metres; None, or no entry, where it found
+            nothing.
+        world_T_cam, K, time_s
+            As for :meth:`Episodes.look`.
+
+        Raises
+        ------
+        UnknownNameError, InputError, MismatchError
+            As :meth:`Episodes.look`. The look then does not count.
+        """
+        named = {name: {self.object_name: pose} for name, pose in poses.items()}
+        taken = self._scene._look(named, world_T_cam, K, time_s)
+        return taken.verdicts[0] if taken.verdicts else self._nothing(taken)
+
+    def _nothing(self, taken: _Taken) -> EpisodeVerdict:
+        """Return the verdict on a look without a sane estimate."""
+        look, track = taken.looks[-1], next(iter(taken.tracks.of(self.object_name)), None)
+        card = self._scene.forecaster.card
+        size = card.diameters_of(np.array([self.object_name]))
+        said = {
+            name: pose_problems(table.cam_T_obj, size)[0]
+            for name, table in look.results.items()
+            if len(table) and not is_placeholder(table.cam_T_obj[0])
+        }
+        advice = None
+        if track is not None and taken.count < self._scene.max_looks:
+            advice = from_where(track, taken.looks)
+        reason = f"{no_estimate_by(card.estimators, said)} in this look"
+        return EpisodeVerdict(
+            instance=0 if track is None else track.number,
+            object_name=self.object_name,
+            verdict=Verdict(
+                False, None, f"{reason}; look again {advice}" if advice else reason, look=advice
+            ),
+            guide=None,
+            cam_T_obj=None,
+            world_T_obj=None,
+            views=0,
+            looks=taken.count,
+        )
