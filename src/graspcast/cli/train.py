@@ -149,7 +149,7 @@ def _train(options: argparse.Namespace) -> None:
             optimiser=MlpSettings(epochs=options.epochs),
         ),
     }
-    scores = {}
+    scores: dict[str, dict[str, Any]] = {}
     scored = bool(options.outcomes)
     if not scored:
         note("no scores, since without --outcomes there are no outcomes to compare forecasts with")
@@ -178,8 +178,8 @@ def _train(options: argparse.Namespace) -> None:
     together = f" with {', '.join(card.supporters)}" if card.supporters else " alone"
     seen = ", one or more views" if data.views is not None else ""
     print_text(
-        f"{options.out}: {options.principal}{together}{seen}, {options.gripper} gripper, {len(card.objects)} objects{simulated}, "
-        f"{card.samples} samples"
+        f"{options.out}: {options.principal}{together}{seen}, {options.gripper} gripper, "
+        f"{len(card.objects)} objects{simulated}, {card.samples} samples"
     )
 
 
@@ -187,6 +187,8 @@ def _scores(
     data: TrainingData, options: argparse.Namespace, settings: dict[str, Any], move: Progress
 ) -> dict[str, dict[str, Any]]:
     """Return cross-validated scores on unseen scenes, with several views too if there are any."""
+    import numpy as np
+
     from graspcast.evaluation.cross_validation import cross_validate, cross_validated_with_views
     from graspcast.evaluation.scores import score
 
