@@ -20,7 +20,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -53,6 +53,7 @@ from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.camera_tables import read_camera_motion
 from graspcast.views.choice import ViewsFrom
 from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
+from graspcast.views.spread import DEFAULT_SPREAD, Spread, Spreads
 
 TRUE_POSE = "true pose"
 _KEY = ["scene_id", "im_id", "obj_id", "est_id"]
@@ -69,6 +70,7 @@ class Scenario:
     results: Mapping[str, Results]
     motion: CameraMotion
     principal: str
+    spread: Spread = DEFAULT_SPREAD
 
     def fused(
         self,
@@ -90,6 +92,7 @@ class Scenario:
             views_from=views_from,
             max_views=views,
             noise=noise,
+            spreads=Spreads(default=self.spread),
         )
 
     def with_views(self) -> Results:
@@ -314,12 +317,14 @@ def scenarios(options: argparse.Namespace) -> list[Scenario]:
     )
     if len(options.camera_poses) != len(options.bop):
         raise SystemExit("give one --camera-poses for each --bop, in their order")
-    motions = dict(zip(inputs.datasets, options.camera_poses, strict=True))
+    motions = {
+        name: read_camera_motion(path)
+        for name, path in zip(inputs.datasets, options.camera_poses, strict=True)
+    }
     first = options.principal or inputs.estimators[0]
+    spread = replace(DEFAULT_SPREAD, along=options.along or DEFAULT_SPREAD.along)
     return [
-        Scenario(
-            name, inputs.datasets[name], results, read_camera_motion(motions[name]), principal=first
-        )
+        Scenario(name, inputs.datasets[name], results, motions[name], first, spread)
         for name, results in inputs.results.items()
     ]
 
@@ -338,6 +343,7 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("--noise-mm", type=float, nargs="*", default=[1, 3, 5])
     out.add_argument("--alone", nargs="*", metavar="NAME", help="default: the principal")
     out.add_argument("--split", type=Path, action="append", default=[], help="published split.csv")
+    out.add_argument("--along", type=float, help="assumed spread along the ray, of the distance")
     out.add_argument("--part", choices=("all", "test"), default="all", help="images of --split")
     out.add_argument("--scenes", type=int, nargs="+", metavar="N", help="default: all")
     out.add_argument("--seed", type=int, default=0, help="of the noise")
