@@ -75,6 +75,7 @@ if TYPE_CHECKING:
     from graspcast.views.camera_motion import CameraMotion, CameraNoise
     from graspcast.views.camera_tables import read_camera_motion
     from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
+    from graspcast.views.object_motion import ObjectMotion
     from graspcast.views.spread import learn_spreads
 
 _HOME = {
@@ -134,6 +135,7 @@ _HOME = {
     "views.camera_motion": ("CameraMotion", "CameraNoise"),
     "views.camera_tables": ("read_camera_motion",),
     "views.fused_estimates": ("FusedEstimates", "fuse_estimates"),
+    "views.object_motion": ("ObjectMotion",),
     "views.spread": ("learn_spreads",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

@@ -2,19 +2,44 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-__all__ = ["MIN_PARALLAX_RAD", "ViewsFrom", "choose_views", "viewing_directions"]
+from graspcast.views.camera_motion import CameraNoise
+
+__all__ = ["MIN_PARALLAX_RAD", "ViewRules", "ViewsFrom", "choose_views", "viewing_directions"]
 
 ViewsFrom = Literal["earlier", "all"]
 """Which images may serve: those with a smaller ``im_id``, or all others."""
 
 MIN_PARALLAX_RAD = float(np.deg2rad(12.0))
 """Views nearer than this share most of the error along the ray, and help little."""
+
+
+@dataclass(frozen=True)
+class ViewRules:
+    """Which other images serve.
+
+    Attributes
+    ----------
+    views_from
+        Earlier images alone, or all.
+    max_views
+        At most this many, the judged one included.
+    min_parallax_rad
+        Least angle between any two.
+    noise
+        Of the camera motion, beside what the motion itself states.
+    """
+
+    views_from: ViewsFrom
+    max_views: int
+    min_parallax_rad: float
+    noise: CameraNoise
 
 
 def viewing_directions(
