@@ -39,10 +39,11 @@ def add(verbs: Verbs) -> None:
         _demo,
         "all of it on rendered images that ship: images in, verdicts and pictures out",
         "Three estimators look at 300 rendered images of 30 tables. Poses are fused over up to\n"
-        "three images of a table, and grasps tried in simulation. A forecaster learns on two thirds\n"
-        "of the tables, and says on the rest which grasps to attempt, and when to look again. The\n"
-        "work is done by other verbs, whose commands are printed. It takes some minutes on two\n"
-        "cores, without network or graphics card. Stopped and started again, it keeps its trials.",
+        "three images of a table, and grasps tried in simulation. A forecaster learns on two\n"
+        "thirds of the tables, and says on the rest which grasps to attempt, and when to look\n"
+        "again. The work is done by other verbs, whose commands are printed. It takes some\n"
+        "minutes on two cores, without network or graphics card. Stopped and started again, it\n"
+        "keeps its trials.",
     )
     verb.add_argument(
         "--out",
@@ -202,8 +203,8 @@ def _pictures(
         return
     bop = ["--bop", str(dataset.root), "--estimates"]
     for name, title, poses, est_id in (
-        ("one-look", "The grasp after one look, which fails", mine[-2:][1:], "est_id"),
-        ("looked-again", f"The same after {LOOKS} looks, which holds",
+        ("one-look", "The grasp after one look, which fails", mine[-1:], "est_id"),
+        ("looked-again", "The same after looking again, which holds",
          [f"fused={files.fused(LOOKS)}"], "fused_est_id"),
     ):  # fmt: skip
         yield (

@@ -1,4 +1,4 @@
-"""The demonstration's files, its table of what looking again is worth, and its picture of two sides."""
+"""The demonstration's files, its table of what looking again is worth, and its main picture."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def some_images(files: DemoFiles) -> list[str]:
 def told_instance(files: DemoFiles) -> dict[str, Any] | None:
     """Return an instance whose grasp fails after one look, and is attempted and holds after all.
 
-    It is the one whose probability rose most; None if there is none.
+    Of these it is the one that was most probable after one look; None if there is none.
     """
     import polars as pl
 
@@ -118,10 +118,9 @@ def told_instance(files: DemoFiles) -> dict[str, Any] | None:
     one, every = _seen(files, 1), _seen(files, LOOKS)
     one = one.filter(attempt=False, success=0).drop_nulls("probability")
     every = every.filter(pl.col("attempt"), success=1, estimator="fused")
-    every = every.select(*place, fused_est_id="est_id", later="probability")
+    every = every.select(*place, fused_est_id="est_id")
     both = one.unique(place, keep="none").join(every.unique(place, keep="none"), on=place)
-    risen = (pl.col("later") - pl.col("probability")).alias("risen")
-    both = both.with_columns(risen).sort("risen", *place, descending=[True, False, False, False])
+    both = both.sort("probability", *place, descending=[True, False, False, False])
     return both.row(0, named=True) if len(both) else None
 
 

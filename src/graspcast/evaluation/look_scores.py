@@ -1,4 +1,4 @@
-"""Verdicts after each look against outcomes: what looking again is worth, and how many looks it takes."""
+"""Verdicts after each look against outcomes: what looking again is worth, and its cost in looks."""
 
 from __future__ import annotations
 
@@ -96,10 +96,10 @@ def score_looks(stages: Sequence[Stage], *, draws: int = 2000, seed: int = 0) ->
     MismatchError
         If the stages are of different instances, or none has an outcome at every stage.
     """
-    attempt, success, views, again = (np.stack(x) for x in zip(*map(_columns, stages), strict=True))
     first = [_place(row) for row in stages[0].verdicts]
     if any([_place(row) for row in stage.verdicts] != first for stage in stages):
         raise MismatchError("the verdicts after each look are on different instances")
+    attempt, success, views, again = (np.stack(x) for x in zip(*map(_columns, stages), strict=True))
     known = ~np.isnan(success).any(axis=0)
     if not known.any():
         raise MismatchError("no instance has an outcome after each look")
@@ -109,17 +109,26 @@ def score_looks(stages: Sequence[Stage], *, draws: int = 2000, seed: int = 0) ->
     scene, numbers = np.unique(names, return_inverse=True)
     counts = original_and_draws(scene.tolist(), draws, seed)
     end, every = _ends(again), np.arange(attempt.shape[1])
-    last, everything = len(stages) - 1, np.ones(attempt.shape[1], dtype=bool)
+    last = len(stages) - 1
     looks = "two looks" if last == 1 else "three looks" if last == 2 else f"{last + 1} looks"
-    policies = (
-        ("one look, always attempting", everything, success[0], views[0]),
-        ("one look, verdicts", attempt[0], success[0], views[0]),
-        ("look again when in doubt, verdicts", attempt[end, every], success[end, every])
-        + (views[end, every],),
-        (f"always {looks}, verdicts", attempt[last], success[last], views[last]),
-        (f"always {looks}, always attempting", everything, success[last], views[last]),
+    ends: dict[str, tuple[ndarray, bool]] = {
+        "one look, always attempting": (np.zeros_like(end), True),
+        "one look, verdicts": (np.zeros_like(end), False),
+        "look again when in doubt, verdicts": (end, False),
+        f"always {looks}, verdicts": (np.full_like(end, last), False),
+        f"always {looks}, always attempting": (np.full_like(end, last), True),
+    }
+    scored = tuple(
+        _scored(
+            name,
+            attempt[stage, every] | always,
+            success[stage, every],
+            views[stage, every],
+            counts,
+            numbers,
+        )
+        for name, (stage, always) in ends.items()
     )
-    scored = tuple(_scored(*policy, counts, numbers) for policy in policies)
     return LookScores(int(known.sum()), len(scene), scored)
 
 

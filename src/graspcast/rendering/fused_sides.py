@@ -1,4 +1,4 @@
-"""An instance's estimates from two images and the pose fused from all views, drawn on both images."""
+"""Estimates from two images and the pose fused from all views, drawn on both images."""
 
 from __future__ import annotations
 
@@ -47,10 +47,16 @@ def draw_fused(
     """
     motion = read_camera_motion(dataset.scenes)
     scene = {name: table.select(table.scene_id == scene_id) for name, table in results.items()}
-    rules = {"dataset": dataset.name, "models": {dataset.name: dataset.models}}
-    alone = fuse_estimates({principal: scene[principal]}, None, max_views=1, **rules)
+    name, models = dataset.name, {dataset.name: dataset.models}
+    alone = fuse_estimates({principal: scene[principal]}, dataset=name, models=models, max_views=1)
     fused = fuse_estimates(
-        scene, motion, principal=principal, views_from="all", max_views=max_views, **rules
+        scene,
+        motion,
+        dataset=name,
+        models=models,
+        principal=principal,
+        views_from="all",
+        max_views=max_views,
     )
     row = _row(fused, im_id, obj_id)
     entered = fused.poses.used[row].any(axis=1)
@@ -61,10 +67,8 @@ def draw_fused(
         return None
     images = (im_id, others[0])
     poses = [
-        _drawn(
-            alone, motion, (scene_id, image, obj_id), f"{principal}, {where} image alone", colour
-        )
-        for image, where, colour in zip(images, ("left", "right"), (_ORANGE, _BLUE), strict=True)
+        _drawn(alone, motion, (scene_id, image, obj_id), f"{principal}, {side} image alone", colour)
+        for image, side, colour in zip(images, ("left", "right"), (_ORANGE, _BLUE), strict=True)
     ]
     count = f"fused, {len(views)} images"
     poses.append(_drawn(fused, motion, (scene_id, im_id, obj_id), count, _GREEN))

@@ -1,4 +1,4 @@
-"""One object from two sides: poses as outlines, and how well their positions are known as ellipses."""
+"""One object from two sides: poses as outlines, uncertainty of position as ellipses."""
 
 from __future__ import annotations
 
