@@ -79,7 +79,7 @@ def noisy(motion: CameraMotion, noise: CameraNoise, seed: int = 0) -> CameraMoti
 
 
 def selected(fused: FusedEstimates, rows: ndarray) -> FusedEstimates:
-    names = ("cam_T_obj", "covariance", "used", "dropped", "parallax_rad")
+    names = ("cam_T_obj", "covariance", "used", "dropped", "parallax_rad", "cam_T_est")
     poses = replace(fused.poses, **{name: getattr(fused.poses, name)[rows] for name in names})
     return replace(fused, instances=fused.instances.select(rows), poses=poses)
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +18,7 @@ from graspcast.forecasting.training_data import TrainingData
 from graspcast.forecasting.view_data import view_data
 from graspcast.pose.transforms import compose, invert
 from graspcast.views.camera_motion import CameraMotion
-from graspcast.views.fused_estimates import fuse_estimates
+from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
 from poses import write_models
 from static_scenes import estimates_of, objects, orbit, scattered, seen
 
@@ -25,19 +27,27 @@ CAMERAS = orbit(5, degrees=35.0)
 SCENES = 12
 
 
+class Training(NamedTuple):
+    data: TrainingData
+    models: dict[str, Models]
+    results: dict[str, Results]
+    motion: CameraMotion
+
+
 def joined(tables: list[Results]) -> Results:
     columns = ("scene_id", "im_id", "obj_id", "score", "cam_T_obj", "time_s", "line")
     return Results(*(np.concatenate([getattr(t, c) for t in tables]) for c in columns))
 
 
-def trained(folder: Path, *, views: bool = True) -> tuple[graspcast.Forecaster, dict[str, Models]]:
-    """A forecaster of objects d-1 and d-2 by a, b and c: grasps succeed with errors below 8 mm."""
+def training(folder: Path, *, names: Sequence[str] = NAMES) -> Training:
+    """Objects d-1 and d-2 as seen by estimators; grasps succeed with errors below 8 mm."""
     models = {"d": Models(write_models(folder, obj_1={}, obj_2={}))}
-    truth, tables = [], {name: [] for name in NAMES}  # type: ignore[var-annotated]
+    truth = []
+    tables: dict[str, list[Results]] = {name: [] for name in names}
     for scene in range(1, SCENES + 1):
         poses = seen(CAMERAS, objects(2, scene))
         truth.append(poses)
-        for k, name in enumerate(NAMES):
+        for k, name in enumerate(names):
             found = scattered(poses, 10 * scene + k)
             tables[name].append(estimates_of(found, scene_id=scene))
     results = {name: joined(some) for name, some in tables.items()}
@@ -47,21 +57,24 @@ def trained(folder: Path, *, views: bool = True) -> tuple[graspcast.Forecaster, 
     error = compose(invert(true)[None], estimates.cam_T_obj)[..., :3, 3]
     success = (np.linalg.norm(error, axis=-1) < 0.008).astype(float)
     data = TrainingData(estimates, "a", "parallel", true, success)
-    if views:
-        keys = [(s, i) for s in range(1, SCENES + 1) for i in range(len(CAMERAS))]
-        cameras = np.concatenate([CAMERAS] * SCENES)
-        motion = CameraMotion.of(*zip(*keys, strict=True), cameras)  # type: ignore[call-arg,arg-type]
-        parts = [
-            fuse_estimates(
-                results,
-                motion,
-                dataset="d",
-                models=models,
-                views_from="all",
-                max_views=most,
-            )
-            for most in (1, 2, 3)
-        ]
-        data = replace(data, views=view_data(estimates, parts, {}))
+    keys = [(s, i) for s in range(1, SCENES + 1) for i in range(len(CAMERAS))]
+    scenes, images = zip(*keys, strict=True)
+    motion = CameraMotion.of(scenes, images, np.concatenate([CAMERAS] * SCENES))
+    views = view_data(estimates, [fused(results, models, motion, n) for n in (1, 2, 3)], {})
+    return Training(replace(data, views=views), models, results, motion)
+
+
+def fused(
+    results: dict[str, Results], models: dict[str, Models], motion: CameraMotion, most: int = 3
+) -> FusedEstimates:
+    how = {"dataset": "d", "models": models, "views_from": "all", "max_views": most}
+    return fuse_estimates(results, motion, **how)  # type: ignore[arg-type]
+
+
+def trained(folder: Path, *, views: bool = True) -> tuple[graspcast.Forecaster, dict[str, Models]]:
+    """A forecaster of these objects by a, b and c."""
+    given = training(folder)
+    data = given.data if views else replace(given.data, views=None)
     settings = ForestSettings(trees=20, folds=0)
-    return graspcast.train_forecaster(data, models=models, forests=settings), models
+    forecaster = graspcast.train_forecaster(data, models=given.models, forests=settings)
+    return forecaster, given.models

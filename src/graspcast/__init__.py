@@ -81,6 +81,7 @@ if TYPE_CHECKING:
     from graspcast.views.look import Look
     from graspcast.views.looks import fuse_looks
     from graspcast.views.next_look import NextLook, next_look
+    from graspcast.views.object_motion import ObjectMotion
     from graspcast.views.spread import learn_spreads
 
 _HOME = {
@@ -141,6 +142,7 @@ _HOME = {
     "views.look": ("Look",),
     "views.looks": ("fuse_looks",),
     "views.next_look": ("NextLook", "next_look"),
+    "views.object_motion": ("ObjectMotion",),
     "views.spread": ("learn_spreads",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

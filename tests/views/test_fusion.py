@@ -139,7 +139,7 @@ def test_noise_that_is_none_is_refused() -> None:
     poses, cameras, there, _ = world(4, 3, 2)
     sizes = np.tile([0.004, 0.005], (4, 3, 1))
     for wrong, says in ((sizes[:, :2], r"\(4, 3, 2\)"), (-sizes, "0 or"), (sizes * np.nan, "0 or")):
-        with pytest.raises(InputError, match=f"fuse_poses: noise should be {says}"):
+        with pytest.raises(InputError, match=f"noise should be {says}"):
             fuse_poses(poses, cameras, there, spreads(4, 2), noise=wrong)
 
 

@@ -67,6 +67,11 @@ def add(verbs: Verbs) -> None:
         action="store_true",
         help="say in each reason which features moved the probability most",
     )
+    _add_view_options(verb)
+    add_out(verb, "the verdicts' CSV")
+
+
+def _add_view_options(verb: argparse.ArgumentParser) -> None:
     add_views(
         verb,
         views_from="earlier",
@@ -87,7 +92,6 @@ def add(verbs: Verbs) -> None:
         help="images that a robot would take: where there were fewer, and a further one is "
         "expected to help, the verdict is to look again, and from where (default: 1, never)",
     )
-    add_out(verb, "the verdicts' CSV")
 
 
 def _predict(options: argparse.Namespace) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from graspcast.errors import MismatchError
+from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.fallbacks import Fallbacks, certificate_of
@@ -107,8 +107,13 @@ def verdicts_with_views(
     ------
     MismatchError
         If no model can be used, or none was trained with views and there is camera motion.
+    UnknownNameError
+        For a guide that is none of them.
     """
     usable = models.usable(inputs.estimators)
+    known = (*usable[0].card.estimators, FUSED, BEST)
+    if settings.guide is not None and settings.guide not in known:
+        raise UnknownNameError("guide", settings.guide, known, parameters=("guide",))
     if motions and all(forecaster.view_model is None for forecaster in usable):
         raise MismatchError(
             "there are camera poses, but the model was trained without views: train it with "

@@ -25,6 +25,7 @@ __all__ = [
     "rotation_from_quaternion",
     "rotation_from_vector",
     "rotation_vector",
+    "skew",
     "transform",
     "transform_points",
 ]
@@ -144,7 +145,8 @@ def rotation_vector(rotation: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*
     return factor * q[..., 1:]
 
 
-def _skew(v: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch 3 3"]:
+def skew(v: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch 3 3"]:
+    """Return the matrices that take the cross product of vectors with another: ``v x w``."""
     x, y, z = np.moveaxis(v, -1, 0)
     o = np.zeros_like(x)
     rows = [[o, -z, y], [z, o, -x], [-y, x, o]]
@@ -175,7 +177,7 @@ def log(a_T_b: Float[ndarray, "*batch 4 4"]) -> Float[ndarray, "*batch 6"]:
     """
     phi = rotation_vector(a_T_b[..., :3, :3])
     angle = np.linalg.norm(phi, axis=-1)[..., None, None]
-    k = _skew(phi)
+    k = skew(phi)
     safe = np.maximum(angle, 1e-4)
     # Inverse of the left Jacobian; its series starts at 1/12.
     quadratic = np.where(
@@ -190,7 +192,7 @@ def exp(twist: Float[ndarray, "*batch 6"]) -> Float[ndarray, "*batch 4 4"]:
     """Compute the rigid transforms of twists (translation part, rotation vector)."""
     rho, phi = twist[..., :3], twist[..., 3:]
     angle = np.linalg.norm(phi, axis=-1)[..., None, None]
-    k = _skew(phi)
+    k = skew(phi)
     safe = np.maximum(angle, 1e-4)
     linear = np.where(angle > 1e-4, (1 - np.cos(safe)) / (safe * safe), 0.5)
     quadratic = np.where(angle > 1e-4, (safe - np.sin(safe)) / safe**3, 1.0 / 6.0)

@@ -18,11 +18,13 @@ from graspcast.pose.sanity import rotation_problem
 from graspcast.pose.transforms import compose, invert, project_to_rotation
 from graspcast.views.motion import ViewMotions
 
-__all__ = ["CameraMotion", "CameraNoise", "rigid"]
+__all__ = ["CameraMotion", "CameraNoise", "noise_of_views", "rigid"]
 
 _RADIANS = {"deg": np.pi / 180, "rad": 1.0}
 _NOISE = re.compile(r"\s*([0-9.eE+-]+)\s*([a-z]+)\s*,\s*([0-9.eE+-]+)\s*([a-z]+)\s*")
 _FARTHEST_M = 10_000.0
+_MOST_NOISE = 100.0
+"""Metres or radians: a view known worse than this says nothing; larger numbers overflow."""
 _WHOLE = a(int, np.integer, words="a whole number")
 _NO_POSE = "have no camera pose"
 
@@ -75,6 +77,26 @@ class CameraNoise:
                 f"for example 1mm,0.1deg, not {text!r}; units are mm, cm, m; deg, rad",
                 parameters=("camera_noise", "noise"),
             ) from error
+
+
+def noise_of_views(
+    noise: CameraNoise | Float[ndarray, "n v 2"] | None, n: int, v: int
+) -> Float[ndarray, "n v 2"]:
+    """Return the standard deviations of translation (m) and rotation (rad) of n times v views.
+
+    Raises
+    ------
+    InputError
+        If the array given is of another shape, negative or not a number.
+    """
+    if not isinstance(noise, ndarray):
+        noise = noise or CameraNoise()
+        return np.broadcast_to([noise.translation_m, noise.rotation_rad], (n, v, 2))
+    if noise.shape != (n, v, 2):
+        raise InputError(f"noise should be {(n, v, 2)}, not {noise.shape}")
+    if not (noise >= 0).all():
+        raise InputError("noise should be 0 or more in every view")
+    return np.minimum(noise, _MOST_NOISE)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -9,14 +10,47 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.pose.transforms import norms
+from graspcast.views.camera_motion import CameraNoise
 
-__all__ = ["MIN_PARALLAX_RAD", "ViewsFrom", "angles", "choose_views", "viewing_directions"]
+__all__ = [
+    "MIN_PARALLAX_RAD",
+    "ViewRules",
+    "ViewsFrom",
+    "angles",
+    "choose_views",
+    "viewing_directions",
+]
 
 ViewsFrom = Literal["earlier", "all"]
 """Which images may serve: those with a smaller ``im_id``, or all others."""
 
 MIN_PARALLAX_RAD = float(np.deg2rad(12.0))
 """Views nearer than this share most of the error along the ray, and help little."""
+
+
+@dataclass(frozen=True)
+class ViewRules:
+    """Which other images serve.
+
+    Attributes
+    ----------
+    views_from
+        Earlier images alone, or all.
+    max_views
+        At most this many, the judged one included.
+    min_parallax_rad
+        Least angle between any two.
+    noise
+        Of the camera motion, beside what the motion itself states.
+    images
+        The images (scene_id, im_id) whose instances are wanted; None for all.
+    """
+
+    views_from: ViewsFrom
+    max_views: int
+    min_parallax_rad: float
+    noise: CameraNoise
+    images: frozenset[tuple[int, int]] | None = None
 
 
 def viewing_directions(

@@ -23,9 +23,9 @@ from graspcast.estimates.checks import (
 from graspcast.estimates.instances import KEY_COLUMNS, Instances
 from graspcast.io.arguments import NAME, a, checked, mapping, number
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
-from graspcast.views.choice import MIN_PARALLAX_RAD, ViewsFrom
+from graspcast.views.choice import MIN_PARALLAX_RAD, ViewRules, ViewsFrom
 from graspcast.views.fusion import FusedPoses, fuse_poses
-from graspcast.views.gathering import Gathered, ViewRules, gather
+from graspcast.views.gathering import Gathered, gather
 from graspcast.views.motion import Motion
 from graspcast.views.motion_checks import check_motion
 from graspcast.views.spread import Spreads
@@ -289,6 +289,7 @@ def fuse_sane(
         gathered.present,
         spreads.table(names, gathered.instances.objects),
         noise=gathered.noise,
+        motion_covariance=gathered.motion_covariance,
         symmetries=[symmetries.get(o, _NONE) for o in gathered.instances.obj_id.tolist()],
         principal=names.index(principal),
     )

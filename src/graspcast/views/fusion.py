@@ -25,7 +25,8 @@ from graspcast.pose.transforms import (
     rotation_vector,
     transform,
 )
-from graspcast.views.camera_motion import CameraNoise
+from graspcast.views.camera_motion import CameraNoise, noise_of_views
+from graspcast.views.motion import carried_covariance
 
 __all__ = ["CONTRADICTION", "FusedPoses", "fuse_poses"]
 
@@ -40,8 +41,6 @@ _ITERATIONS = 10
 _CONVERGED = 1e-9
 _LEAST_OWN = 1e-4
 _MEDOID_SCALE = (0.01, 0.07)
-_MOST_NOISE = 100.0
-"""Metres or radians: a view known worse than this says nothing; larger numbers overflow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +108,13 @@ class _Entries:
     own: ndarray  # (n, V, K, 3): variances across, along, of the rotation
     shared: ndarray  # (n, V, 3)
     view_ray: ndarray  # (n, V, 3)
+    moved: ndarray | None = None  # (n, V, 3, 3): of the position, by the motion
 
     def select(self, rows: ndarray, present: ndarray) -> _Entries:
         parts = (self.pose, self.ray, self.own, self.shared, self.view_ray)
         pose, ray, own, shared, view_ray = (part[rows] for part in parts)
-        return _Entries(pose, ray, present[rows], own, shared, view_ray)
+        moved = None if self.moved is None else self.moved[rows]
+        return _Entries(pose, ray, present[rows], own, shared, view_ray, moved)
 
 
 def fuse_poses(
@@ -123,6 +124,7 @@ def fuse_poses(
     spread: Float[ndarray, "n k 4"],
     *,
     noise: CameraNoise | Float[ndarray, "n v 2"] | None = None,
+    motion_covariance: Float[ndarray, "n v 6 6"] | None = None,
     symmetries: Sequence[Float[ndarray, "s 4 4"]] | None = None,
     principal: int = 0,
 ) -> FusedPoses:
@@ -145,6 +147,9 @@ def fuse_poses(
     noise
         Of the camera motion from the judged image to each other view; or for each view its
         standard deviations of translation (m) and rotation (rad), of which view 0's is not used.
+    motion_covariance
+        Further uncertainty of the motion to each view: of position (m) and rotation vector (rad),
+        in the judged camera's axes, about its centre.
     symmetries
         Of each instance's object, the identity first.
     principal
@@ -157,11 +162,13 @@ def fuse_poses(
         in the judged image.
     """
     _check(view_T_obj, cam_T_view, present, spread)
-    sizes = _noise_of_views(noise, present)
+    sizes = noise_of_views(noise, len(present), present.shape[1])
     if not len(present):
         none, parallax = np.zeros((0, 6, 6)), np.zeros(0)
         return FusedPoses(view_T_obj[:, 0, 0], none, present, present, parallax, view_T_obj)
     entries = _entries(view_T_obj, cam_T_view, present, spread, sizes)
+    if motion_covariance is not None and motion_covariance.any():
+        entries = _moved(entries, motion_covariance)
     entries = _turned(entries, symmetries)
     pose, covariance, distance = _solve(entries, _medoid(entries))
     good = present & (distance <= CONTRADICTION)
@@ -194,19 +201,6 @@ def _check(view_T_obj: ndarray, cam_T_view: ndarray, present: ndarray, spread: n
         raise InputError("fuse_poses: a pose holds numbers that are not finite")
 
 
-def _noise_of_views(noise: CameraNoise | ndarray | None, present: ndarray) -> ndarray:
-    """Return the translation's and the rotation's standard deviation of each view, (n, V, 2)."""
-    n, v, _ = present.shape
-    if not isinstance(noise, ndarray):
-        noise = noise or CameraNoise()
-        return np.broadcast_to([noise.translation_m, noise.rotation_rad], (n, v, 2))
-    if noise.shape != (n, v, 2):
-        raise InputError(f"fuse_poses: noise should be {(n, v, 2)}, not {noise.shape}")
-    if not (noise >= 0).all():
-        raise InputError("fuse_poses: noise should be 0 or more in every view")
-    return np.minimum(noise, _MOST_NOISE)
-
-
 def _entries(
     view_T_obj: ndarray,
     cam_T_view: ndarray,
@@ -235,6 +229,16 @@ def _entries(
     mean = (ray * there).sum(axis=2) + np.where(_any(present)[..., None], 0.0, [0, 0, 1.0])
     view_ray = mean / np.linalg.norm(mean, axis=-1, keepdims=True)
     return _Entries(pose, ray, present, variance * (1 - share), shared, view_ray)
+
+
+def _moved(entries: _Entries, covariance: ndarray) -> _Entries:
+    """Add the uncertainty of the motion where each view carries the object."""
+    there = entries.present[..., None]
+    count = np.maximum(there.sum(axis=2), 1)
+    position = (entries.pose[..., :3, 3] * there).sum(axis=2) / count
+    shared = entries.shared.copy()
+    shared[..., 2] += np.trace(covariance[..., 3:, 3:], axis1=-2, axis2=-1) / 3
+    return replace(entries, shared=shared, moved=carried_covariance(covariance, position))
 
 
 def _turned(entries: _Entries, symmetries: Sequence[ndarray] | None) -> _Entries:
@@ -306,8 +310,12 @@ def _distances(
     across = np.maximum((error**2).sum(axis=-1) - along, 0.0)
     turn = rotation_vector(entries.pose[..., :3, :3] @ np.swapaxes(R, 1, 2)[:, None, None])
     angle = (turn**2).sum(axis=-1)
-    distance = across / variance[..., 0] + along / variance[..., 1] + angle / variance[..., 2]
-    return distance, turn
+    turned = angle / variance[..., 2]
+    if entries.moved is None:
+        return across / variance[..., 0] + along / variance[..., 1] + turned, turn
+    total = _diagonal_in_ray(variance, entries.ray) + entries.moved[:, :, None]
+    pull = np.linalg.solve(total, error[..., None])[..., 0]
+    return (error * pull).sum(axis=-1) + turned, turn
 
 
 def _position(entries: _Entries, weight: ndarray, offset: ndarray) -> tuple[ndarray, ndarray]:
@@ -325,6 +333,7 @@ def _position(entries: _Entries, weight: ndarray, offset: ndarray) -> tuple[ndar
     pull = (a[..., None] * offset + ((b - a) * along)[..., None] * ray).sum(axis=2)
     mean = (inverse @ pull[..., None])[..., 0]
     shared = _diagonal_in_ray(entries.shared, entries.view_ray)
+    shared = shared if entries.moved is None else shared + entries.moved
     scale = np.where(there, top, 1.0)[..., None, None]
     precision = np.where(there[..., None, None], np.linalg.inv(shared / scale + inverse), 0.0)
     total = np.linalg.inv(precision.sum(axis=1))

@@ -14,44 +14,17 @@ from graspcast.bop.results import Results, score_order
 from graspcast.estimates.alignment import estimate_ids, partners
 from graspcast.estimates.instances import InstanceKey, Instances, object_name
 from graspcast.views.association import associate_views
-from graspcast.views.camera_motion import CameraNoise
-from graspcast.views.choice import ViewsFrom, choose_views, viewing_directions
-from graspcast.views.motion import Motion, ViewMotions
+from graspcast.views.candidates import Candidates
+from graspcast.views.choice import ViewRules
+from graspcast.views.motion import Motion
 from graspcast.views.spread import Spreads
 
 __all__ = ["Gathered", "ViewRules", "gather"]
 
 _NO_POSE = "have no camera pose"
-_NO_IMAGE = "have no {} image with an estimate of the object"
-_NO_PARALLAX = "have no {} image from another direction (parallax too small)"
 _NO_MATCH = "have no estimate in another view that is surely of the same instance"
 _ALONE = np.eye(4)[None]
 ImageObject = tuple[int, int, int]
-
-
-@dataclass(frozen=True)
-class ViewRules:
-    """Which other images serve.
-
-    Attributes
-    ----------
-    views_from
-        Earlier images alone, or all.
-    max_views
-        At most this many, the judged one included.
-    min_parallax_rad
-        Least angle between any two.
-    noise
-        Of the camera motion, beside what the motion itself states.
-    images
-        The images (scene_id, im_id) whose instances are wanted; None for all.
-    """
-
-    views_from: ViewsFrom
-    max_views: int
-    min_parallax_rad: float
-    noise: CameraNoise
-    images: frozenset[tuple[int, int]] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +43,9 @@ class Gathered:
         Each view's camera in the judged one's frame, (n, V, 4, 4).
     noise
         Standard deviations of that motion, translation (m) and rotation (rad), (n, V, 2).
+    motion_covariance
+        What its uncertainty has beyond that: of position (m) and rotation vector (rad), in the
+        judged camera's axes, about the judged camera's centre, (n, V, 6, 6).
     view_im_id
         The views' images, -1 where there is none, (n, V).
     est_id
@@ -88,6 +64,7 @@ class Gathered:
     present: Bool[ndarray, "n v k"]
     cam_T_view: Float[ndarray, "n v 4 4"]
     noise: Float[ndarray, "n v 2"]
+    motion_covariance: Float[ndarray, "n v 6 6"]
     view_im_id: Int[ndarray, "n v"]
     est_id: Int[ndarray, "n k"]
     doubtful: Int[ndarray, " n"]
@@ -129,7 +106,7 @@ class _Gatherer:
         self.single: Counter[str] = Counter()
         self.left_out: Counter[str] = Counter()
 
-    def views(self, key: ImageObject) -> ViewMotions | None:
+    def candidates(self, key: ImageObject) -> Candidates | None:
         """Return the images that may serve for an object in an image, or None if none shall."""
         scene_id, im_id, obj_id = key
         if self.motion is None:
@@ -142,33 +119,21 @@ class _Gatherer:
         ]
         views = self.motion.views_of(scene_id, im_id, obj_id, others)
         self.left_out.update(views.left_out)
-        return views
+        return Candidates(views, self.rules, self.left_out)
 
-    def chosen(self, views: ViewMotions | None, pose: Float[ndarray, "4 4"]) -> list[int]:
+    def chosen(self, views: Candidates | None, pose: Float[ndarray, "4 4"]) -> list[int]:
         """Return the numbers of the views that serve for an instance; if none do, count why."""
         if views is None:
             if self.rules.max_views > 1:
                 self.single[_NO_POSE] += 1
             return []
-        kind = "earlier" if self.rules.views_from == "earlier" else "other"
-        if not len(views.im_id):
-            self.single[views.why or _NO_IMAGE.format(kind)] += 1
-            return []
-        centres = np.concatenate([np.zeros((1, 3)), views.cam_T_view[:, :3, 3]])
-        towards = viewing_directions(pose[:3, 3], centres)
-        most = self.rules.max_views - 1
-        found = choose_views(towards[0], towards[1:], most, self.rules.min_parallax_rad)
-        if not len(found):
-            self.single[_NO_PARALLAX.format(kind)] += 1
-        return found.tolist()
-
-    def noise(self, views: ViewMotions, number: int) -> Float[ndarray, "2"]:
-        """Return the noise of the motion to a view: its own, and that which is stated for all."""
-        stated = self.rules.noise
-        return np.hypot(views.noise[number], [stated.translation_m, stated.rotation_rad])
+        found, why = views.chosen(pose)
+        if why:
+            self.single[why] += 1
+        return found
 
     def found(
-        self, key: ImageObject, anchors: Float[ndarray, "a 4 4"], views: ViewMotions, number: int
+        self, key: ImageObject, anchors: Float[ndarray, "a 4 4"], views: Candidates, number: int
     ) -> tuple[Int[ndarray, "a k"], Bool[ndarray, " a"]]:
         """Return each estimator's row in a view for each of the judged image's instances.
 
@@ -187,7 +152,7 @@ class _Gatherer:
                     table.cam_T_obj[rows],
                     views.cam_T_view[number],
                     (self.spread[obj_id][self.first], self.spread[obj_id][k]),
-                    CameraNoise(*np.minimum(self.noise(views, number), 1.0).tolist()),
+                    views.noise_at(number, anchors),
                     self.symmetries.get(obj_id, _ALONE),
                 )
                 out[:, k] = np.where(which >= 0, np.array(rows)[which], -1)
@@ -203,7 +168,7 @@ class _Gatherer:
             for found in partners(together, self.first, self.tables)
         ]
         anchors = self.tables[self.first].cam_T_obj[[found[self.first] for found in own]]
-        views = self.views(key)
+        views = self.candidates(key)
         # Of several instances of an image, most share their views.
         by_view: dict[int, tuple[ndarray, ndarray]] = {}
         out = []
@@ -220,7 +185,8 @@ class _Gatherer:
                     row.rows.append(which[est_id].tolist())
                     row.im_id.append(int(views.im_id[number]))
                     row.cam_T_view.append(views.cam_T_view[number])
-                    row.noise.append(self.noise(views, number))
+                    row.noise.append(views.noise[number])
+                    row.covariance.append(views.covariance[number])
             if chosen and len(row.im_id) == 1:
                 self.single[_NO_MATCH] += 1
             out.append(row)
@@ -235,6 +201,7 @@ class _Row:
     im_id: list[int]
     cam_T_view: list[ndarray] = field(default_factory=lambda: [np.eye(4)])
     noise: list[ndarray] = field(default_factory=lambda: [np.zeros(2)])
+    covariance: list[ndarray] = field(default_factory=lambda: [np.zeros((6, 6))])
     doubtful: int = 0
 
 
@@ -287,11 +254,12 @@ def _filled(work: _Gatherer, keys: Instances, found: list[_Row]) -> Gathered:
     rows = np.full((n, V, K), -1)
     view_im_id = np.full((n, V), -1)
     cam_T_view = np.tile(np.eye(4), (n, V, 1, 1))
-    noise = np.zeros((n, V, 2))
+    noise, covariance = np.zeros((n, V, 2)), np.zeros((n, V, 6, 6))
     for i, row in enumerate(found):
         there = slice(len(row.im_id))
         rows[i, there], view_im_id[i, there] = row.rows, row.im_id
         cam_T_view[i, there], noise[i, there] = row.cam_T_view, row.noise
+        covariance[i, there] = row.covariance
     poses = np.tile(np.eye(4), (n, V, K, 1, 1))
     est_id = np.full((n, K), -1)
     for k, table in enumerate(work.tables):
@@ -305,6 +273,7 @@ def _filled(work: _Gatherer, keys: Instances, found: list[_Row]) -> Gathered:
         rows >= 0,
         cam_T_view,
         noise,
+        covariance,
         view_im_id,
         est_id,
         np.array([row.doubtful for row in found], dtype=np.int64),

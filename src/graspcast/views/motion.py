@@ -2,14 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-from jaxtyping import Float, Int
+import numpy as np
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-__all__ = ["Motion", "ViewMotions"]
+from graspcast.pose.transforms import skew
+
+__all__ = ["Motion", "RefinedMotions", "ViewMotions", "carried_covariance"]
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedMotions:
+    """Motions that are computed for the chosen views alone.
+
+    Attributes
+    ----------
+    serves
+        Which of them serve after all, (b,).
+    cam_T_view
+        The motions, (b, 4, 4).
+    covariance
+        Of position (m) and rotation vector (rad), in the judged camera's axes, about the judged
+        camera's centre, (b, 6, 6).
+    why
+        Why the others do not serve: words that follow "left out 3 views".
+    """
+
+    serves: Bool[ndarray, " b"]
+    cam_T_view: Float[ndarray, "b 4 4"]
+    covariance: Float[ndarray, "b 6 6"]
+    why: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +57,8 @@ class ViewMotions:
     why
         If no image serves for a reason other than that there is none: words that follow
         "3 instances".
+    refine
+        Where the motions are rough: computes those of some of the m images, by their places.
     """
 
     im_id: Int[ndarray, " m"]
@@ -38,6 +66,7 @@ class ViewMotions:
     noise: Float[ndarray, "m 2"]
     left_out: Mapping[str, int] = field(default_factory=dict)
     why: str = ""
+    refine: Callable[[Int[ndarray, " b"]], RefinedMotions] | None = None
 
 
 @runtime_checkable
@@ -68,3 +97,20 @@ class Motion(Protocol):
         others
             Images of the scene with an estimate of the object, without the judged one.
         """
+
+
+def carried_covariance(
+    covariance: Float[ndarray, "*batch 6 6"], position: Float[ndarray, "*batch 3"]
+) -> Float[ndarray, "*batch 3 3"]:
+    """Return the covariance of a position that was carried by a motion, m².
+
+    Parameters
+    ----------
+    covariance
+        Of the motion, see :class:`RefinedMotions`.
+    position
+        In the judged camera's frame, metres.
+    """
+    K = skew(position)
+    J = np.concatenate([np.broadcast_to(np.eye(3), K.shape), -K], axis=-1)
+    return np.asarray(J @ covariance @ np.swapaxes(J, -1, -2))

@@ -1,0 +1,134 @@
+"""train and predict with camera poses."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from commands import refused
+from graspcast.bop.results import write_results
+from graspcast.cli import main
+from graspcast.forecasting.forecaster import Forecaster
+from looked_at import CAMERAS, NAMES, SCENES, Training, training
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("recorded")
+    given = training(root / "d" / "models")
+    for name, table in given.results.items():
+        write_results(root / f"{name}_d-test.csv", table)
+    write_truth(root, given)
+    rows = [
+        f"{s},{i},{' '.join(map(repr, pose.ravel().tolist()))}"
+        for s in range(1, SCENES + 1)
+        for i, pose in enumerate(CAMERAS)
+    ]
+    (root / "cameras.csv").write_text("\n".join(["scene_id,im_id,world_T_cam_m", *rows]))
+    estimates = given.data.estimates
+    lines = ["estimator,dataset,scene_id,im_id,obj_id,gripper,success"]
+    for name, success in zip(estimates.estimators, given.data.success, strict=True):
+        for key, held in zip(estimates.instances.to_keys(), success.tolist(), strict=True):
+            lines.append(f"{name},d,{key.scene_id},{key.im_id},{key.obj_id},parallel,{int(held)}")
+    (root / "outcomes.csv").write_text("\n".join(lines))
+    return root
+
+
+def write_truth(root: Path, given: Training) -> None:
+    images: dict[int, dict[str, list[dict[str, object]]]] = {}
+    for key, pose in zip(given.data.estimates.instances.to_keys(), given.data.truth, strict=True):
+        entry = {
+            "obj_id": key.obj_id,
+            "cam_R_m2c": pose[:3, :3].ravel().tolist(),
+            "cam_t_m2c": (1000 * pose[:3, 3]).tolist(),
+        }
+        images.setdefault(key.scene_id, {}).setdefault(str(key.im_id), []).append(entry)
+    for scene_id, content in images.items():
+        folder = root / "d" / "test" / f"{scene_id:06d}"
+        folder.mkdir(parents=True)
+        (folder / "scene_gt.json").write_text(json.dumps(content))
+
+
+def inputs(root: Path, names: tuple[str, ...] = NAMES) -> list[str]:
+    out = ["--bop", str(root / "d")]
+    for name in names:
+        out += ["--estimates", f"{name}={root / f'{name}_d-test.csv'}"]
+    return out
+
+
+def train(root: Path, out: Path, *more: str, names: tuple[str, ...] = NAMES) -> int:
+    given = ["train", *inputs(root, names), "--principal", "a", "--gripper", "parallel"]
+    given += ["--outcomes", str(root / "outcomes.csv"), "--trees", "8", "--folds", "0"]
+    return main([*given, "--out", str(out), *more])
+
+
+def predict(
+    root: Path, model: Path, *more: str, names: tuple[str, ...] = NAMES
+) -> list[dict[str, str]]:
+    out = model.with_suffix(".csv")
+    given = ["predict", *inputs(root, names), "--model", str(model), "--threshold", "0.8"]
+    assert main([*given, "--out", str(out), *more]) == 0
+    with out.open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_one_model_serves_several_views_one_view_and_every_guide(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    poses = ("--camera-poses", str(folder / "cameras.csv"))
+    model = tmp_path / "model.npz"
+    assert train(folder, model, *poses, "--camera-noise", "0.5mm,0.05deg") == 0
+    assert "one or more views" in capsys.readouterr().out
+    assert Forecaster.load(model).guides == ("a", "b", "c")
+    assert Forecaster.load(model).card.views["noise_m"] == 0.0005
+    many = predict(folder, model, *poses, "--views-from", "all", "--guide", "fused")
+    assert {row["views"] for row in many} == {"3"} and {r["principal"] for r in many} == {"fused"}
+    again = predict(folder, model, *poses, "--guide", "fused", "--max-looks", "3")
+    looks = [row for row in again if row["verdict"] == "look again"]
+    assert looks
+    for row in looks:
+        vector = np.array(row["look_direction_world"].split(), dtype=float)
+        assert np.linalg.norm(vector) == pytest.approx(1, abs=1e-5)
+        assert float(row["expected_probability"]) > float(row["probability"] or 0)
+    alone = predict(folder, model)
+    assert {row["views"] for row in alone} == {"1"}
+    by_b = predict(folder, model, "--guide", "b")
+    assert {row["principal"] for row in by_b} == {"b"}
+
+
+def test_one_estimator_is_enough_with_views(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    poses = ("--camera-poses", str(folder / "cameras.csv"))
+    model = tmp_path / "one.npz"
+    assert train(folder, model, *poses, names=("a",)) == 0
+    assert "a alone, one or more views" in capsys.readouterr().out
+    rows = predict(folder, model, *poses, "--views-from", "all", names=("a",))
+    assert all(row["probability"] for row in rows)
+    first = predict(folder, model, *poses, "--max-looks", "3", names=("a",))
+    said = {row["verdict"] for row in first if row["im_id"] == "0"}
+    assert said == {"look again"}
+    alone = ["train", *inputs(folder, ("a",)), "--principal", "a", "--gripper", "parallel"]
+    alone += ["--outcomes", str(folder / "outcomes.csv"), "--out", str(tmp_path / "x.npz")]
+    assert "at least two estimators" in refused(alone, capsys)
+
+
+def test_what_does_not_fit_is_told(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    poses = ("--camera-poses", str(folder / "cameras.csv"))
+    model = tmp_path / "single.npz"
+    assert train(folder, model) == 0
+    asked = ["predict", *inputs(folder), "--model", str(model), "--out", str(tmp_path / "v.csv")]
+    assert "trained without views" in refused([*asked, *poses], capsys)
+    assert "unknown guide 'z'" in refused([*asked, "--guide", "z"], capsys)
+    wrong = ("--camera-poses", f"other={folder / 'cameras.csv'}")
+    assert "no estimates of other" in refused([*asked, *wrong], capsys)
+    assert "already camera poses of d" in refused([*asked, *poses, *poses], capsys)
+    given = ["train", *inputs(folder), "--principal", "a", "--gripper", "parallel", *poses]
+    given += ["--outcomes", str(folder / "outcomes.csv"), "--out", str(tmp_path / "y.npz")]
+    assert "does not forecast with several views" in refused([*given, "--method", "direct"], capsys)
