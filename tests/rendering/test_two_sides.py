@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from graspcast.bop.meshes import Mesh
-from graspcast.pose.transforms import rotation_from_vector, transform, transform_points
+from graspcast.pose.transforms import rotation_from_vector, transform
 from graspcast.rendering.two_sides import DrawnPose, Side, draw_side, two_sides
 
 K = np.array([[300.0, 0, 127.5], [0, 300.0, 127.5], [0, 0, 1.0]])
@@ -55,10 +55,7 @@ def test_the_outline_is_around_the_pose() -> None:
     picture = draw_side(side(np.eye(4)), mesh, [DrawnPose("a", RED, AT)], 256)
     mask = covered(picture, RED)
     width, height = extent(mask)
-    pixels = transform_points(AT, mesh.vertices) @ K.T
-    across = np.ptp(pixels[:, 0] / pixels[:, 2])
     # The square is 1.25 times the object.
-    assert across == pytest.approx(across, rel=0.1)
     assert width == pytest.approx(256 / 1.25, abs=8) and height == pytest.approx(width, abs=2)
     assert not mask[100:156, 100:156].any()
 
