@@ -12,7 +12,7 @@ from graspcast.errors import GraspcastError, InputError
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
-    from graspcast.views.camera_motion import CameraMotion
+    from graspcast.views.motion import Motion
 
 __all__ = ["add"]
 
@@ -42,6 +42,14 @@ def add(verbs: Verbs) -> None:
         help="the camera's pose in each image: a CSV whose header states direction and unit "
         "(world_T_cam_m), or a directory of scene folders with cam_R_w2c and cam_t_w2c in "
         "scene_camera.json (default: those of the BOP directory)",
+    )
+    verb.add_argument(
+        "--motion-from",
+        choices=("cameras", "estimates"),
+        default="cameras",
+        help="where the camera's motion is taken from: camera poses, or, where they are not known, "
+        "the estimates of at least two other objects in both images, with their uncertainty "
+        "(default: cameras)",
     )
     verb.add_argument(
         "--camera-noise",
@@ -129,10 +137,17 @@ def _fuse(options: argparse.Namespace) -> None:
         print_text(line)
 
 
-def _motion(options: argparse.Namespace, inputs: Inputs) -> CameraMotion | None:
-    """Read the camera motion that is given, or that of the BOP directory."""
+def _motion(options: argparse.Namespace, inputs: Inputs) -> Motion | None:
+    """Read the camera motion that is given, or that of the BOP directory, or estimate it."""
     from graspcast.views.camera_tables import read_camera_motion
 
+    if options.motion_from == "estimates":
+        if options.camera_poses:
+            raise InputError(
+                "the motion is either that of the camera poses or taken from estimates",
+                parameters=("camera_poses", "motion_from"),
+            )
+        return _estimated(inputs) if options.max_views > 1 else None
     if options.camera_poses:
         return read_camera_motion(options.camera_poses)
     if options.max_views == 1:
@@ -149,3 +164,10 @@ def _motion(options: argparse.Namespace, inputs: Inputs) -> CameraMotion | None:
         "each image alone, with one view at most",
         parameters=("camera_poses", "max_views"),
     )
+
+
+def _estimated(inputs: Inputs) -> Motion:
+    from graspcast.views.object_motion import ObjectMotion
+
+    ((dataset, results),) = inputs.results.items()
+    return ObjectMotion.from_estimates(results, dataset=dataset, models=inputs.models)
