@@ -139,7 +139,8 @@ def _window(
     scale = min(1.0, _LONGEST / max(1.0, float((high - low).max())))
     start = np.clip(np.floor(low - _MARGIN / scale), 0, limit - 1).astype(int)
     stop = np.clip(np.ceil(high + _MARGIN / scale) + 1, start + 1, limit).astype(int)
-    return _Window(*start.tolist(), *stop.tolist(), scale, float(inside))
+    (left, top), (right, bottom) = start.tolist(), stop.tolist()
+    return _Window(left, top, right, bottom, scale, float(inside))
 
 
 def _cut(
