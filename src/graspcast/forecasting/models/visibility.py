@@ -27,24 +27,10 @@ from graspcast.forecasting.models.encoding import one_hot_numbers
 from graspcast.forecasting.models.forest import Forest, flatten
 from graspcast.forecasting.models.out_of_fold import OutOfFold
 from graspcast.forecasting.splits import fold_numbers
+from graspcast.forecasting.visibility_features import POSE_COLUMNS, SCORE_COLUMN
 from graspcast.io.progress import Progress, step_of
-from graspcast.pose.transforms import norms
 
-__all__ = [
-    "POSE_COLUMNS",
-    "SCORE_COLUMN",
-    "Visibility",
-    "VisibilitySettings",
-    "typical_row",
-    "visibility_features",
-]
-
-POSE_COLUMNS = ("view_x", "view_y", "view_z", "distance", "image_x", "image_y")
-"""Direction from the object to the camera in the object's frame; distance in metres; and where the
-object's origin is in the image, as the x and y of the unit vector to it in the camera's frame."""
-
-SCORE_COLUMN = "score"
-"""The estimator's own score."""
+__all__ = ["Visibility", "VisibilitySettings"]
 
 _PARTS = {
     "pose": "the pose",
@@ -56,44 +42,6 @@ _PARTS = {
 _OWN = len(POSE_COLUMNS)
 _FEWEST = 20
 """Outcomes below which a part that needs more than the pose is left out."""
-
-
-def visibility_features(
-    cam_T_obj: Float[ndarray, "n 4 4"],
-    score: Float[ndarray, " n"] | None = None,
-    fit: Features | None = None,
-) -> Features:
-    """Compute the columns of a visibility model.
-
-    Parameters
-    ----------
-    cam_T_obj
-        One estimator's poses, metres, (n, 4, 4).
-    score
-        Their scores, NaN where unknown, (n,); None if all are.
-    fit
-        Image fit (:attr:`graspcast.rendering.image_fit.ImageFit.features`), rows of NaN where there
-        is none; None without images.
-    """
-    position = cam_T_obj[:, :3, 3]
-    distance = norms(position)
-    ray = position / np.where(distance > 0, distance, 1.0)
-    view = -np.einsum("nij,ni->nj", cam_T_obj[:, :3, :3], ray)
-    stated = np.full(len(cam_T_obj), np.nan) if score is None else score
-    columns = [view, distance, ray[:, :2], stated[:, None].astype(np.float64)]
-    names: tuple[str, ...] = (*POSE_COLUMNS, SCORE_COLUMN)
-    if fit is not None:
-        columns.append(fit.values)
-        names += fit.names
-    return Features(names, np.concatenate(columns, axis=1))
-
-
-def typical_row(features: Features) -> Float[ndarray, " d"]:
-    """Return the median of each column where it is known, 0 where it never is."""
-    known = np.isfinite(features.values).any(axis=0)
-    out = np.zeros(features.values.shape[1])
-    out[known] = np.nanmedian(features.values[:, known], axis=0)
-    return out
 
 
 @dataclass(frozen=True)
@@ -194,7 +142,7 @@ class Visibility:
         Parameters
         ----------
         features
-            As :func:`visibility_features` returns them.
+            As :func:`graspcast.forecasting.visibility_features.visibility_features` returns them.
         success
             1, 0, or NaN where not tried, (n,).
         numbers
@@ -228,10 +176,9 @@ class Visibility:
         wanted = {}
         for name in _PARTS:
             columns = _columns(name, rows.shape[1])
-            if columns is not None:
-                usable = tried & _has(rows, columns)
-                if name == "pose" or _can_learn(rows[usable], success[usable], name):
-                    wanted[name] = (columns, usable)
+            usable = tried & _has(rows, columns)
+            if name == "pose" or _can_learn(rows[usable], success[usable], name):
+                wanted[name] = (columns, usable)
         fold_of = fold_numbers(groups, max(1, settings.folds), seed=settings.seed)
         parts, best = {}, np.full(len(rows), np.nan)
         for done, (name, (columns, usable)) in enumerate(wanted.items()):
@@ -285,7 +232,7 @@ class Visibility:
         for i, (name, part) in enumerate(self.parts.items()):
             mine = np.flatnonzero(answering == i)
             if len(mine):
-                columns = rows[mine][:, _columns_of(name, rows.shape[1])]
+                columns = rows[mine][:, _columns(name, rows.shape[1])]
                 out[mine] = part.calibrated(part.raw(columns, objects[mine]))
         return out
 
@@ -310,8 +257,7 @@ class Visibility:
                 f"this model takes the {len(self.names)} columns {', '.join(self.names)}, or the "
                 f"first {_OWN + 1} of them without images, not {width}"
             )
-        tried = self.parts["pose"].tried
-        if len(objects) and not ((objects >= 0) & (objects < len(tried)) & tried[objects]).all():
+        if not np.isin(objects, np.flatnonzero(self.parts["pose"].tried)).all():
             raise MismatchError(
                 "one estimator's single view cannot forecast an object without outcomes in "
                 "training; train with outcomes of the object",
@@ -328,7 +274,7 @@ class Visibility:
         """Return which part answers each row, -1 for none: the last that has all it needs."""
         out = np.full(len(rows), -1)
         for i, (name, part) in enumerate(self.parts.items()):
-            able = _has(rows, _columns_of(name, rows.shape[1])) & part.tried[objects]
+            able = _has(rows, _columns(name, rows.shape[1])) & part.tried[objects]
             out[able] = i
         return out
 
@@ -352,10 +298,9 @@ class Visibility:
         parts = {}
         for name in _PARTS:
             if f"{name}/roots" in arrays:
-                columns = _columns(name, len(names))
-                if columns is None:
-                    raise ValueError(f"the part {name} needs columns that there are not")
-                parts[name] = _part(arrays, name, len(columns))
+                if "fit" in name and len(names) == _OWN + 1:
+                    raise ValueError("a part needs image fit, of which there are no columns")
+                parts[name] = _part(arrays, name, len(_columns(name, len(names))))
         if "pose" not in parts:
             raise ValueError("the part that needs the pose alone is missing")
         if len({len(part.tried) for part in parts.values()}) > 1:
@@ -381,19 +326,11 @@ def _part(arrays: Mapping[str, ndarray], name: str, columns: int) -> _Part:
     return _Part(forest, tried, calibration)
 
 
-def _columns(part: str, width: int) -> Int[ndarray, " c"] | None:
-    """Return the columns that a part uses of rows so wide, None if it needs others."""
-    fit = np.arange(_OWN + 1, width)
-    if "fit" in part and not len(fit):
-        return None
-    score = np.arange(_OWN, _OWN + 1) if "score" in part else fit[:0]
-    return np.concatenate([np.arange(_OWN), score, fit if "fit" in part else fit[:0]])
-
-
-def _columns_of(part: str, width: int) -> Int[ndarray, " c"]:
-    columns = _columns(part, width)
-    assert columns is not None, "a part was fit to columns that are missing"
-    return columns
+def _columns(part: str, width: int) -> Int[ndarray, " c"]:
+    """Return the columns that a part uses of rows so wide."""
+    fit = range(_OWN + 1, width) if "fit" in part else ()
+    score = (_OWN,) if "score" in part else ()
+    return np.array([*range(_OWN), *score, *fit], dtype=np.int64)
 
 
 def _has(rows: Float[ndarray, "n d"], columns: Int[ndarray, " c"] | slice) -> Bool[ndarray, " n"]:
@@ -402,9 +339,10 @@ def _has(rows: Float[ndarray, "n d"], columns: Int[ndarray, " c"] | slice) -> Bo
 
 
 def _can_learn(rows: Float[ndarray, "m d"], success: Float[ndarray, " m"], part: str) -> bool:
-    """Whether there are outcomes enough for a part, and its score says anything."""
+    """Whether a part has its columns and outcomes enough, and its score says anything."""
     varies = "score" not in part or len(np.unique(rows[:, _OWN])) > 1
-    return len(rows) >= _FEWEST and len(np.unique(success)) == 2 and varies
+    there = "fit" not in part or rows.shape[1] > _OWN + 1
+    return there and varies and len(rows) >= _FEWEST and len(np.unique(success)) == 2
 
 
 def _grow(
