@@ -241,6 +241,7 @@ def test_a_part_needs_its_columns_and_probabilities_in_its_leaves(model: Visibil
         Visibility.from_arrays(without)
 
 
+@pytest.mark.ill_typed
 @pytest.mark.parametrize("seed", range(60))
 def test_damaged_arrays_are_refused_or_forecast_probabilities(
     world: World, model: Visibility, seed: int

@@ -249,7 +249,7 @@ class Visibility:
 
     def _checked(
         self, features: Float[ndarray, "n d"], objects: Int[ndarray, " n"]
-    ) -> Float[ndarray, "n d"]:
+    ) -> Float[ndarray, "n every"]:
         """Return rows of all columns; raise for other columns, or objects that are not known."""
         width = features.shape[1]
         if width not in (len(self.names), _OWN + 1):
