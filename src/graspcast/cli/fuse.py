@@ -58,6 +58,18 @@ def add(verbs: Verbs) -> None:
         help="standard deviation per axis of the motion between two images, with units: "
         "1mm,0.1deg (default: none)",
     )
+    _add_views(verb)
+    verb.add_argument(
+        "--covariances",
+        metavar="PATH",
+        type=Path,
+        help="write a table of covariances, spreads and what was dropped (CSV, or .parquet)",
+    )
+    add_out(verb, "the fused poses' BOP results CSV (fused_ycbv-test.csv states its dataset)")
+
+
+def _add_views(verb: argparse.ArgumentParser) -> None:
+    """Add the options that say which images serve."""
     verb.add_argument(
         "--views-from",
         choices=("earlier", "all"),
@@ -80,13 +92,6 @@ def add(verbs: Verbs) -> None:
         default=12.0,
         help="least angle between any two views, seen from the object (default: 12)",
     )
-    verb.add_argument(
-        "--covariances",
-        metavar="PATH",
-        type=Path,
-        help="write a table of covariances, spreads and what was dropped (CSV, or .parquet)",
-    )
-    add_out(verb, "the fused poses' BOP results CSV (fused_ycbv-test.csv states its dataset)")
 
 
 def _degrees(text: str) -> float:
