@@ -3,6 +3,9 @@
     python benchmarks/fusion.py --estimates epos=epos_ycbv-test.csv ... --bop ycbv \
         --ground-truth ycbv/ground_truth --camera-poses ycbv/camera_motion
 
+With --motion-from truth the motion is taken from annotated poses of other objects (LM-O), with
+--motion-from estimates from their estimates.
+
 Translation and rotation errors against ground truth (median and 90th percentile), of the instances
 of the principal that have all the views. Ground truth is used for the errors alone; with --learn it
 is also used for the spreads, of the scenes of the other half.
@@ -29,6 +32,8 @@ from graspcast.pose.transforms import compose, invert, rotation_angle, rotation_
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.camera_tables import read_camera_motion
 from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
+from graspcast.views.motion import Motion
+from graspcast.views.object_motion import ObjectMotion
 from graspcast.views.spread import Spreads, learn_spreads
 
 HEADER = ["poses", "n", "median mm", "90 % mm", "median deg", "90 % deg", "chi2 position / 3"]
@@ -79,7 +84,7 @@ def noisy(motion: CameraMotion, noise: CameraNoise, seed: int = 0) -> CameraMoti
 
 
 def selected(fused: FusedEstimates, rows: ndarray) -> FusedEstimates:
-    names = ("cam_T_obj", "covariance", "used", "dropped", "parallax_rad")
+    names = ("cam_T_obj", "covariance", "used", "dropped", "parallax_rad", "cam_T_est")
     poses = replace(fused.poses, **{name: getattr(fused.poses, name)[rows] for name in names})
     return replace(fused, instances=fused.instances.select(rows), poses=poses)
 
@@ -92,12 +97,27 @@ def learned(results: dict[str, Results], dataset: BopDataset, principal: str) ->
     return learn_spreads(estimates, truth, models={dataset.name: dataset.models})
 
 
+def motion_from(
+    options: argparse.Namespace, dataset: BopDataset, results: dict[str, Results]
+) -> Motion:
+    """Camera poses, or the motion of other objects: annotated, or estimated."""
+    if options.motion_from == "truth":
+        return ObjectMotion.from_ground_truth(dataset.ground_truth, dataset.models)
+    if options.motion_from == "estimates":
+        models = {dataset.name: dataset.models}
+        return ObjectMotion.from_estimates(results, dataset=dataset.name, models=models)
+    if options.camera_poses is None:
+        raise SystemExit("--camera-poses is needed")
+    return read_camera_motion(options.camera_poses)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--estimates", action="append", required=True, metavar="NAME=FILE")
     parser.add_argument("--bop", type=Path, required=True)
     parser.add_argument("--ground-truth", type=Path)
-    parser.add_argument("--camera-poses", type=Path, required=True)
+    parser.add_argument("--camera-poses", type=Path, help="with --motion-from cameras")
+    parser.add_argument("--motion-from", choices=("cameras", "truth", "estimates"))
     parser.add_argument("--principal")
     parser.add_argument("--views", type=int, nargs="+", default=[1, 2, 3, 5])
     parser.add_argument("--noise-mm", type=float, nargs="*", default=[1, 3, 5])
@@ -108,7 +128,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     results = {n: read_results(p) for n, _, p in (e.partition("=") for e in options.estimates)}
     known = list(dataset.models.info)  # without a model no symmetries are known
     results = {n: t.select(np.isin(t.obj_id, known)) for n, t in results.items()}
-    motion = read_camera_motion(options.camera_poses)
+    motion = motion_from(options, dataset, results)
     principal = options.principal or next(iter(results))
     spreads = learned(results, dataset, principal) if options.learn else Spreads()
     if options.learn:
@@ -126,7 +146,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         noise = CameraNoise((mm or 0) / 1e3, np.deg2rad(0.1 * (mm or 0)))
         return fuse_estimates(
             given,
-            motion if mm is None else noisy(motion, noise),
+            noisy(motion, noise) if mm is not None and isinstance(motion, CameraMotion) else motion,
             dataset=dataset.name,
             principal=next(iter(given)) if len(given) == 1 else principal,
             models={dataset.name: dataset.models},
@@ -136,6 +156,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             spreads=spreads,
         )
 
+    if not isinstance(motion, CameraMotion):
+        options.noise_mm = []
     rows = [measured.row(name, table) for name, table in results.items()]
     for views in options.views:
         start = perf_counter()

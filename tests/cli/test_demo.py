@@ -57,19 +57,22 @@ def test_the_demonstration(
     text = capsys.readouterr().out
     steps = commands(text)
     verbs = [step[0] for step in steps]
-    assert verbs[:7] == 3 * ["estimate"] + ["errors", "simulate", "train", "predict"]
-    assert verbs[7] == "overlay" and set(verbs[8:-1]) == {"watch"} and verbs[-1] == "score"
-    assert "following the verdicts" in text
+    looks = 2 * ["fuse", "simulate"] + ["train"] + 3 * ["predict"]
+    assert verbs[:13] == 3 * ["estimate"] + ["errors", "simulate", *looks]
+    assert verbs[13] == "overlay" and set(verbs[14:]) <= {"watch"}
+    assert "look again when in doubt" in text and "always three looks" in text
     # It judges on tables from which it has not learnt.
-    verdicts = pl.read_csv(out / "verdicts.csv")
+    verdicts = pl.read_csv(out / "verdicts3.csv")
     assert sorted(set(verdicts["scene_id"])) == [5, 6]
+    assert set(verdicts["views"]) <= {1, 2, 3} and verdicts["views"].max() > 1
     assert {path.name for path in out.glob("*.png")} >= {"overlays.png"}
     # Each command does alone what it did here; nothing is tried again.
-    shards = {path: path.stat().st_mtime_ns for path in (out / "trials").rglob("*.parquet")}
+    shards = {path: path.stat().st_mtime_ns for path in out.rglob("*.parquet")}
+    assert len({path.parent for path in shards}) == 3
     for step in steps[3:]:
         assert main(step) == 0
-    assert pl.read_csv(out / "verdicts.csv").equals(verdicts)
-    again = {path: path.stat().st_mtime_ns for path in (out / "trials").rglob("*.parquet")}
+    assert pl.read_csv(out / "verdicts3.csv").equals(verdicts)
+    again = {path: path.stat().st_mtime_ns for path in out.rglob("*.parquet")}
     assert again == shards
 
 

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy import ndarray
 
-from graspcast.bop.dataset import GroundTruth
+from graspcast.bop.dataset import BopDataset, GroundTruth
+from graspcast.bop.results import read_results
+from graspcast.errors import InputError, MismatchError
 from graspcast.pose.transforms import compose, invert
+from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
 from graspcast.views.motion import Motion, ViewMotions
 from graspcast.views.object_motion import ObjectMotion
 from static_scenes import estimates_of, objects, orbit, scattered, seen
@@ -122,3 +127,136 @@ def test_scenes_that_are_partly_annotated() -> None:
     motion = ObjectMotion.from_ground_truth(twice)
     assert motion.views_of(1, 0, 1, [1]).why == "are not annotated once in their image"
     assert views(motion, 3).im_id.tolist() == list(range(1, 8))  # by objects 4 and 5
+
+
+def estimated(poses: ndarray, **given: Any) -> FusedEstimates:
+    results = {"a": estimates_of(poses)}
+    motion = ObjectMotion.from_estimates(results, dataset="d")
+    return fuse_estimates(results, motion, dataset="d", views_from="all", **given)
+
+
+def test_estimates_of_other_objects_state_the_motion() -> None:
+    """The fused positions are better than those of one view, and their covariances hold."""
+    gains, chi = [], []
+    for seed in range(4):
+        true = seen(CAMERAS, objects(6, seed))
+        found = estimated(scattered(true, seed))
+        alone = estimated(scattered(true, seed), max_views=1)
+        assert (found.views == 3).mean() > 0.8
+        mine = true[found.instances.im_id, found.instances.obj_id - 1, :3, 3]
+        offset = mine - found.poses.cam_T_obj[:, :3, 3]
+        inverse = np.linalg.inv(found.poses.covariance[:, :3, :3])
+        chi += np.einsum("ni,nij,nj->n", offset, inverse, offset).tolist()
+        one = np.linalg.norm(mine - alone.poses.cam_T_obj[:, :3, 3], axis=1)
+        gains.append(np.median(np.linalg.norm(offset, axis=1)) / np.median(one))
+        assert found.gathered.motion_covariance[:, 1:].any(axis=(1, 2, 3)).all()
+        assert not found.gathered.motion_covariance[:, 0].any()
+    assert np.mean(gains) < 0.85
+    assert 0.4 < np.median(chi) / 2.366 < 2.0
+
+
+def test_an_object_that_was_moved_never_loses_its_own_image() -> None:
+    poses = scattered(POSES, 3)
+    poses[0, 0, :3, 3] += [0.15, 0.0, 0.0]
+    found = estimated(poses)
+    row = int(np.flatnonzero((found.instances.im_id == 0) & (found.instances.obj_id == 1))[0])
+    assert found.poses.used[row, 0].all() and found.poses.dropped[row, 1:].all()
+    np.testing.assert_allclose(found.poses.cam_T_obj[row], poses[0, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_fewer_than_two_other_objects_serve_for_nothing(n: int) -> None:
+    found = estimated(scattered(seen(CAMERAS, objects(n)), 0))
+    assert (found.views == 1).all() and not found.gathered.motion_covariance.any()
+    lines = found.summary()
+    assert (
+        f"left out {8 * n * 7} views since fewer than two other objects agree on the motion"
+        in lines
+    )
+    assert any("have no view, since fewer than two other" in line for line in lines)
+
+
+def test_objects_that_disagree_serve_for_nothing() -> None:
+    rng = np.random.default_rng(0)
+    poses = POSES.copy()
+    poses[..., :3, 3] += rng.normal(0, 0.3, (8, 5, 3)) * [1, 1, 0]
+    assert (estimated(poses).views == 1).mean() > 0.9
+
+
+def revolution(n: int) -> ndarray:
+    out = np.tile(np.eye(4), (n, 1, 1))
+    angle = 2 * np.pi * np.arange(n) / n
+    out[:, 0, 0] = out[:, 1, 1] = np.cos(angle)
+    out[:, 1, 0], out[:, 0, 1] = np.sin(angle), -np.sin(angle)
+    return out
+
+
+@pytest.mark.parametrize(("n", "serves"), [(2, True), (64, False)])
+def test_symmetric_objects_alone(n: int, serves: bool) -> None:
+    """Half turns are resolved by the others; a figure of revolution does not say how it turned."""
+    rng = np.random.default_rng(1)
+    symmetry = revolution(n)
+    poses = POSES @ symmetry[rng.integers(n, size=(8, 5))]
+    truth = truth_of(poses)
+    motion = ObjectMotion(
+        ObjectMotion.from_ground_truth(truth)._tables,
+        dict.fromkeys(range(1, 6), symmetry),
+        "test",
+        true=True,
+    )
+    found = motion.views_of(1, 0, 1, list(range(1, 8)))
+    assert (len(found.im_id) == 7) == serves
+    if serves:
+        found = views(motion)
+        np.testing.assert_allclose(found.cam_T_view, true_motion(found.im_id), atol=1e-9)
+    else:
+        assert found.left_out == {"since fewer than two other objects moved with the judged one": 7}
+
+
+def test_duplicates_make_no_difference() -> None:
+    poses = scattered(POSES, 5)
+    once = estimates_of(poses)
+    twice = {
+        "a": estimates_of(np.concatenate([poses, poses[:, 1:2]], 1), obj_ids=[1, 2, 3, 4, 5, 2])
+    }
+    found = [
+        views(ObjectMotion.from_estimates(results, dataset="d")) for results in ({"a": once}, twice)
+    ]
+    np.testing.assert_allclose(found[0].cam_T_view, found[1].cam_T_view, atol=1e-9)
+
+
+def test_no_estimate_and_other_scenes_are_refused() -> None:
+    none = estimates_of(POSES).select(np.zeros(40, bool))
+    with pytest.raises(InputError, match="no estimate to take the motion from"):
+        ObjectMotion.from_estimates({"a": none}, dataset="d")
+    other = ObjectMotion.from_estimates({"a": estimates_of(POSES, scene_id=9)}, dataset="d")
+    assert len(other.views_of(1, 0, 1, [1]).im_id) == 0
+    with pytest.raises(MismatchError, match="of other scenes"):
+        fuse_estimates({"a": estimates_of(POSES)}, other, dataset="d")
+
+
+@pytest.mark.slow
+def test_published_estimates_of_rearranged_scenes(published: Path) -> None:
+    """LM-O: most instances have a view, and errors in its three views are half as large."""
+    root = published / "lmo"
+    tables = {n: read_results(root / f"{n}_lmo-test.csv") for n in ("zebrapose", "gdrnpp", "epos")}
+    dataset = BopDataset(published.parent / "bop" / "lmo", ground_truth=root / "ground_truth")
+    truth, models = dataset.ground_truth, {"lmo": dataset.models}
+    place = {
+        key: i
+        for i, key in enumerate(zip(truth.im_id.tolist(), truth.obj_id.tolist(), strict=True))
+    }
+
+    def median_error(motion: ObjectMotion | None) -> float:
+        found = fuse_estimates(tables, motion, dataset="lmo", models=models, views_from="all")
+        if motion is not None and not motion.estimated:
+            assert (found.gathered.present.any(axis=2).sum(axis=1) > 1).mean() > 0.9
+        keys = zip(found.instances.im_id.tolist(), found.instances.obj_id.tolist(), strict=True)
+        row = np.array([place.get(key, -1) for key in keys])
+        offset = truth.cam_T_obj[row, :3, 3] - found.poses.cam_T_obj[:, :3, 3]
+        return float(np.median(np.linalg.norm(offset[row >= 0], axis=1)))
+
+    one = median_error(None)
+    assert median_error(ObjectMotion.from_ground_truth(truth, dataset.models)) < 0.6 * one
+    estimated = ObjectMotion.from_estimates(tables, dataset="lmo", models=models)
+    assert median_error(estimated) < 0.9 * one

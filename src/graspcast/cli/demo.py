@@ -11,19 +11,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text
+from graspcast.cli.demo_looks import (
+    LOOKS,
+    DemoFiles,
+    print_looks,
+    save_two_sides,
+    some_images,
+    told_instance,
+)
 from graspcast.cli.options import Verbs, new_verb, share
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:
-    import polars as pl
-
     from graspcast.bop.dataset import BopDataset
 
 __all__ = ["add"]
 
-_IMAGES = 2
 _BOXES = "test_detections_jittered.json"
-_SEED = 0
+_COUNT = {1: "one look", 2: "up to two looks", 3: "up to three looks"}
 
 
 def add(verbs: Verbs) -> None:
@@ -33,11 +38,12 @@ def add(verbs: Verbs) -> None:
         "demo",
         _demo,
         "all of it on rendered images that ship: images in, verdicts and pictures out",
-        "Three estimators look at 300 rendered images of 30 tables; grasps that one of them\n"
-        "guides are tried in simulation; a forecaster learns on two thirds of the tables from how\n"
-        "the others disagree with it, and says on the rest which grasps to attempt. Everything is\n"
-        "done by other verbs, whose commands are printed. It takes some minutes on two cores, and\n"
-        "neither network nor graphics card. Stopped and started again, it keeps its trials.",
+        "Three estimators look at 300 rendered images of 30 tables. Poses are fused over up to\n"
+        "three images of a table, and grasps tried in simulation. A forecaster learns on two\n"
+        "thirds of the tables, and says on the rest which grasps to attempt, and when to look\n"
+        "again. The work is done by other verbs, whose commands are printed. It takes some\n"
+        "minutes on two cores, without network or graphics card. Stopped and started again, it\n"
+        "keeps its trials.",
     )
     verb.add_argument(
         "--out",
@@ -58,9 +64,7 @@ def add(verbs: Verbs) -> None:
         default="dense",
         help="which one guides the grasps (default: dense)",
     )
-    verb.add_argument(
-        "--gripper", metavar="NAME", default="underactuated", help="default: underactuated"
-    )
+    verb.add_argument("--gripper", metavar="NAME", default="parallel", help="default: parallel")
     verb.add_argument(
         "--threshold",
         metavar="P",
@@ -94,6 +98,10 @@ def _demo(options: argparse.Namespace) -> int:
         note(f"{time.monotonic() - start:.0f} s")
         if command[-1].endswith(".png"):
             pictures.append(command[-1])
+    files = DemoFiles(options.out, dataset.name)
+    if picture := save_two_sides(files, dataset, options.principal):
+        pictures.append(str(picture))
+    print_looks(files, options.principal)
     minutes, seconds = divmod(round(time.monotonic() - began), 60)
     print_text(f"\n{minutes} min {seconds} s. Pictures: {', '.join(pictures)}")
     return 0
@@ -130,50 +138,81 @@ def _steps(
     """Yield the title and command of each step; later ones read what earlier ones wrote."""
     from graspcast.perception import BUILT_IN
 
-    out, gripper, principal = options.out, options.gripper, options.principal
-    trials, model, verdicts = out / "trials", out / "model.npz", out / "verdicts.csv"
-    tables = {name: out / f"{name}_{dataset.name}-test.csv" for name in BUILT_IN}
+    files, gripper, principal = (
+        DemoFiles(options.out, dataset.name),
+        options.gripper,
+        options.principal,
+    )
     bop = ["--bop", str(dataset.root)]
+    tables = {name: str(files.poses(name)) for name in BUILT_IN}
     mine = [*bop, "--estimates", f"{principal}={tables[principal]}"]
     everyone = [*bop, *(t for n, path in tables.items() for t in ("--estimates", f"{n}={path}"))]
     boxes = str(dataset.root / _BOXES)
+    moved = ["--camera-poses", str(dataset.scenes), "--views-from", "all"]
     for name, path in tables.items():
         yield (
             f"Poses by the estimator {name}",
-            ["estimate", *bop, "--detections", boxes, "--estimator", name, "--out", str(path)],
+            ["estimate", *bop, "--detections", boxes, "--estimator", name, "--out", path],
         )
     yield "How wrong they are", ["errors", *everyone, "--shape"]
     yield (
         f"Grasps that {principal} guides, tried in simulation",
-        ["simulate", *mine, "--gripper", gripper, "--out", str(trials)],
+        ["simulate", *mine, "--gripper", gripper, "--out", str(files.trials(1))],
     )
-    yield (
-        "A forecaster of their outcomes, from how the others disagree",
-        ["train", *everyone, "--scenes", *learnt, "--principal", principal, "--gripper", gripper]
-        + ["--outcomes", str(trials), "--folds", "0", "--out", str(model)],
-    )
-    yield (
-        "Verdicts on tables that it has not seen",
-        ["predict", *everyone, "--scenes", *unseen, "--model", str(model)]
-        + ["--threshold", f"{options.threshold:g}", "--out", str(verdicts)],
-    )
-    seen = _with_outcomes(verdicts, trials)
-    images = [text for image in _some_images(seen) for text in ("--image", image)]
-    yield (
-        "Estimates (green), the truth (solid) and verdicts in some of the images",
-        ["overlay", *mine, *images, "--verdicts", str(verdicts), "--out", f"{out}/overlays.png"],
-    )
-    for name, title, row in _two_grasps(seen):
+    for looks in range(2, LOOKS + 1):
+        fused = str(files.fused(looks))
         yield (
-            title,
-            ["watch", "--object", f"{dataset.name}-{row['obj_id']}", "--gripper", gripper, *mine]
-            + ["--image", f"{row['scene_id']}/{row['im_id']}", "--est-id", str(row["est_id"])]
-            + ["--out", f"{out}/{name}.png"],
+            f"Poses fused from up to {looks} looks",
+            ["fuse", *everyone, *moved, "--principal", principal, "--scenes", *unseen]
+            + ["--max-views", str(looks), "--out", fused],
+        )
+        yield (
+            "Grasps that they guide, tried in simulation",
+            ["simulate", *bop, "--estimates", f"fused={fused}", "--gripper", gripper]
+            + ["--out", str(files.trials(looks))],
         )
     yield (
-        "What following the verdicts is worth, on tables that training has not seen",
-        ["score", "--verdicts", str(verdicts), "--outcomes", str(trials)],
+        "A forecaster of outcomes, from how the estimates of all looks disagree",
+        ["train", *everyone, *moved, "--scenes", *learnt, "--principal", principal]
+        + ["--gripper", gripper, "--outcomes", str(files.trials(1)), "--folds", "0"]
+        + ["--out", str(files.model)],
     )
+    threshold = f"{options.threshold:g}"
+    for looks in range(1, LOOKS + 1):
+        yield (
+            f"Verdicts on tables that it has not seen, after {_COUNT[looks]}",
+            ["predict", *everyone, *moved, "--scenes", *unseen, "--model", str(files.model)]
+            + ["--max-views", str(looks), "--max-looks", str(LOOKS), "--guide", "fused"]
+            + ["--threshold", threshold, "--out", str(files.verdicts(looks))],
+        )
+    yield from _pictures(files, dataset, mine, gripper)
+
+
+def _pictures(
+    files: DemoFiles, dataset: BopDataset, mine: list[str], gripper: str
+) -> Iterator[tuple[str, list[str]]]:
+    """Yield the steps that draw estimates, and a grasp by one look and by several."""
+    images = [text for image in some_images(files) for text in ("--image", image)]
+    yield (
+        "Estimates (green), the truth (solid) and verdicts after one look",
+        ["overlay", *mine, *images, "--verdicts", str(files.verdicts(1))]
+        + ["--out", str(files.out / "overlays.png")],
+    )
+    row = told_instance(files)
+    if row is None:
+        return
+    bop = ["--bop", str(dataset.root), "--estimates"]
+    for name, title, poses, est_id in (
+        ("one-look", "The grasp after one look, which fails", mine[-1:], "est_id"),
+        ("looked-again", "The same after looking again, which holds",
+         [f"fused={files.fused(LOOKS)}"], "fused_est_id"),
+    ):  # fmt: skip
+        yield (
+            title,
+            ["watch", "--object", f"{dataset.name}-{row['obj_id']}", "--gripper", gripper]
+            + [*bop, *poses, "--image", f"{row['scene_id']}/{row['im_id']}"]
+            + ["--est-id", str(row[est_id]), "--out", str(files.out / f"{name}.png")],
+        )
 
 
 def _parts(dataset: BopDataset) -> tuple[list[str], list[str]]:
@@ -190,34 +229,3 @@ def _range(scenes: list[int]) -> list[str]:
     if scenes == list(range(scenes[0], scenes[-1] + 1)):
         return [f"{scenes[0]}-{scenes[-1]}"]
     return list(map(str, scenes))
-
-
-def _with_outcomes(verdicts: Path, trials: Path) -> pl.DataFrame:
-    """Return verdicts with outcomes, in an order drawn at random from a seed."""
-    from graspcast.estimates.outcomes import TRIAL_COLUMNS, read_outcomes
-    from graspcast.evaluation.verdict_scores import with_outcomes
-    from graspcast.forecasting.verdict_file import read_verdicts
-
-    both = with_outcomes(read_verdicts(verdicts), read_outcomes(trials))
-    ordered = both.sort(*TRIAL_COLUMNS)
-    return ordered.sample(fraction=1.0, shuffle=True, seed=_SEED)
-
-
-def _some_images(seen: pl.DataFrame) -> list[str]:
-    """Return the first images in which one grasp is attempted and another one is not."""
-    import polars as pl
-
-    mixed = seen.filter(pl.col("attempt").n_unique().over("scene_id", "im_id") > 1)
-    images = (mixed if len(mixed) else seen).unique(["scene_id", "im_id"], maintain_order=True)
-    return [f"{s}/{i}" for s, i in images.select("scene_id", "im_id").head(_IMAGES).iter_rows()]
-
-
-def _two_grasps(seen: pl.DataFrame) -> Iterator[tuple[str, str, dict[str, object]]]:
-    """Yield the most probable attempted grasp that held, and one not attempted that fails."""
-    for attempt, name, title in (
-        (True, "attempted", "A grasp that is attempted, and holds"),
-        (False, "abstained", "A grasp that is abstained from, and would have failed"),
-    ):
-        rows = seen.filter(attempt=attempt, success=int(attempt)).drop_nulls("probability")
-        if len(rows):
-            yield name, title, rows.sort("probability", descending=True).row(0, named=True)

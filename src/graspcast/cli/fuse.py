@@ -18,7 +18,7 @@ from graspcast.errors import InputError
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
-    from graspcast.views.camera_motion import CameraMotion
+    from graspcast.views.motion import Motion
 
 __all__ = ["add"]
 
@@ -47,6 +47,14 @@ def add(verbs: Verbs) -> None:
         max_views="at most this many images an instance, its own included; 1 fuses the estimators "
         "of each image alone (default: 3)",
         why=" (default: those of the BOP directory)",
+    )
+    verb.add_argument(
+        "--motion-from",
+        choices=("cameras", "estimates"),
+        default="cameras",
+        help="where the camera's motion is taken from: camera poses, or, where they are not known, "
+        "the estimates of at least two other objects in both images, with their uncertainty "
+        "(default: cameras)",
     )
     verb.add_argument(
         "--covariances",
@@ -90,8 +98,22 @@ def _fuse(options: argparse.Namespace) -> None:
         print_text(line)
 
 
-def _motion(options: argparse.Namespace, inputs: Inputs) -> CameraMotion | None:
-    """Return the camera motion that is given, or that of the BOP directory."""
+def _motion(options: argparse.Namespace, inputs: Inputs) -> Motion | None:
+    """Return the camera motion that is given, that of the BOP directory, or an estimate of it."""
+    if options.motion_from == "estimates":
+        if options.camera_poses:
+            raise InputError(
+                "the motion is either that of the camera poses or taken from estimates",
+                parameters=("camera_poses", "motion_from"),
+            )
+        return _estimated(inputs) if options.max_views > 1 else None
     for motion in motions_of(options, inputs).values():
         return motion
     return None if options.max_views == 1 else motion_of_directory(inputs)
+
+
+def _estimated(inputs: Inputs) -> Motion:
+    from graspcast.views.object_motion import ObjectMotion
+
+    ((dataset, results),) = inputs.results.items()
+    return ObjectMotion.from_estimates(results, dataset=dataset, models=inputs.models)

@@ -10,7 +10,7 @@ from graspcast.bop.meshes import Mesh
 from graspcast.pose.transforms import transform_points
 from graspcast.rendering.rasterizer import Canvas
 
-__all__ = ["draw_overlay"]
+__all__ = ["cut_square", "draw_overlay", "square_around"]
 
 _GREEN, _EDGE, _ALPHA = (0.12, 0.85, 0.30), (0.0, 0.9, 0.2), 0.45
 _MARGIN = 1.25
@@ -45,12 +45,12 @@ def draw_overlay(
     """
     poses = [cam_T_est] if cam_T_true is None else [cam_T_est, cam_T_true]
     seen = [transform_points(pose, mesh.vertices) for pose in poses]
-    left, top, side = _window(np.concatenate(seen), K, image.shape[1], image.shape[0])
+    left, top, side = square_around(np.concatenate(seen), K, image.shape[1], image.shape[0])
     scale = size / side
     # Intrinsics count from the centre of the first pixel, the window from its corner.
     zoomed = np.diag([scale, scale, 1.0]) @ K
     zoomed[:2, 2] = scale * (K[:2, 2] + 0.5 - [left, top]) - 0.5
-    picture = _cut(image, left, top, side, size)
+    picture = cut_square(image, left, top, side, size)
     if cam_T_true is not None:
         canvas = Canvas(zoomed, size, size, background=picture)
         canvas.draw(seen[1], mesh.faces, colours / 255)
@@ -66,7 +66,7 @@ def draw_overlay(
     return canvas.image()
 
 
-def _window(
+def square_around(
     points: Float[ndarray, "n 3"], K: Float[ndarray, "3 3"], width: int, height: int
 ) -> tuple[float, float, float]:
     """Return left, top and side of a square around the projected points, pixels from the border."""
@@ -86,7 +86,7 @@ def _window(
     return float(corner[0]), float(corner[1]), side
 
 
-def _cut(
+def cut_square(
     image: UInt8[ndarray, "h w 3"], left: float, top: float, side: float, size: int
 ) -> UInt8[ndarray, "size size 3"]:
     """Resample a square of an image; white beyond the image's border."""

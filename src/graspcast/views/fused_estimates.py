@@ -28,6 +28,7 @@ from graspcast.views.fusion import FusedPoses, fuse_poses
 from graspcast.views.gathering import Gathered, gather
 from graspcast.views.motion import Motion
 from graspcast.views.motion_checks import check_motion
+from graspcast.views.object_motion import ObjectMotion
 from graspcast.views.spread import Spreads
 
 if TYPE_CHECKING:
@@ -250,8 +251,8 @@ def fuse_estimates(
         scenes = {s for table in sane.values() for s in set(table.scene_id.tolist())}
         if not scenes & motion.scenes:
             raise MismatchError(
-                f"{motion.source}: the camera poses are of other scenes "
-                f"({min(motion.scenes)} …) than the estimates ({min(scenes)} …)",
+                f"{motion.source}: the camera motion is of other scenes "
+                f"({min(motion.scenes, default='none')} …) than the estimates ({min(scenes)} …)",
                 parameters=("camera_poses",),
             )
         if isinstance(motion, CameraMotion):
@@ -292,6 +293,7 @@ def fuse_sane(
         motion_covariance=gathered.motion_covariance,
         symmetries=[symmetries.get(o, _NONE) for o in gathered.instances.obj_id.tolist()],
         principal=names.index(principal),
+        own_image_stays=isinstance(motion, ObjectMotion) and motion.estimated,
     )
     found = _impossible(poses, gathered.instances, dataset, models)
     keys = gathered.instances

@@ -127,6 +127,7 @@ def fuse_poses(
     motion_covariance: Float[ndarray, "n v 6 6"] | None = None,
     symmetries: Sequence[Float[ndarray, "s 4 4"]] | None = None,
     principal: int = 0,
+    own_image_stays: bool = False,
 ) -> FusedPoses:
     """Fuse the poses of n instances by K estimators in V views.
 
@@ -154,6 +155,9 @@ def fuse_poses(
         Of each instance's object, the identity first.
     principal
         The estimator that remains where no two estimates agree.
+    own_image_stays
+        Views that contradict the judged image never outvote it: it is not sure that the object
+        stood still.
 
     Raises
     ------
@@ -172,13 +176,14 @@ def fuse_poses(
     entries = _turned(entries, symmetries)
     pose, covariance, distance = _solve(entries, _medoid(entries))
     good = present & (distance <= CONTRADICTION)
-    kept = _kept(present, good, principal)
+    kept = _kept(present, good, principal, own_image_stays)
     rows = np.flatnonzero((kept != present).any(axis=(1, 2)))
     if len(rows):
         some = entries.select(rows, kept)
         pose[rows], covariance[rows], again = _solve(some, _medoid(some))
         agrees = kept[rows] & (again <= CONTRADICTION)
-        kept[rows] = np.where(agrees.any(axis=(1, 2), keepdims=True), agrees, kept[rows])
+        needed = agrees[:, :1] if own_image_stays else agrees
+        kept[rows] = np.where(needed.any(axis=(1, 2), keepdims=True), agrees, kept[rows])
     parallax = _parallax(entries, kept)
     return FusedPoses(pose, covariance, kept, present & ~kept, parallax, entries.pose)
 
@@ -370,13 +375,13 @@ def _rotation(entries: _Entries, weight: ndarray, turn: ndarray) -> tuple[ndarra
     return about, (precision**2 * spread).sum(axis=1) / everything**2
 
 
-def _kept(present: ndarray, good: ndarray, principal: int) -> Bool[ndarray, "n v k"]:
+def _kept(present: ndarray, good: ndarray, principal: int, stays: bool) -> Bool[ndarray, "n v k"]:
     """Return the estimates that remain, of those that agree with the others."""
     out = good.copy()
     view_good = _any(good)
     # A single view against the judged image: nobody knows which is right, and the judged image
     # shows the present.
-    alone = (view_good.sum(axis=1) <= 1) & ~view_good[:, 0]
+    alone = ((view_good.sum(axis=1) <= 1) | stays) & ~view_good[:, 0]
     out[alone] = False
     out[alone, 0] = present[alone, 0]
     lonely = (out.sum(axis=(1, 2)) <= 1) & (present.sum(axis=(1, 2)) > 1)

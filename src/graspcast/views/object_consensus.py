@@ -23,7 +23,7 @@ from graspcast.pose.transforms import (
 
 __all__ = ["ObjectPoses", "Statements", "agreement", "fit_motion", "medoid", "statements"]
 
-_ITERATIONS, _CONVERGED = 10, 1e-9
+_ITERATIONS, _CONVERGED = 10, 1e-6
 _DIMENSIONS = 6.0
 
 

@@ -37,12 +37,12 @@ __all__ = ["ObjectMotion"]
 
 _TRUE_WITHIN = (0.015, float(np.deg2rad(4.0)))
 """Objects that moved together: metres, radians."""
-_ESTIMATED_WITHIN = (0.06, 0.05, float(np.deg2rad(20.0)))
+_ESTIMATED_WITHIN = (0.04, 0.035, float(np.deg2rad(12.0)))
 """Estimates that state the same motion: as a share of the distance, at least metres; radians."""
 _LEAST_OBJECTS = 2
 _MOST_SYMMETRIES = 8
 """An object with more (a discretised axis of revolution) does not state how the camera turned."""
-_SUPPORTS = 30.0
+_SUPPORTS = 20.0
 """Squared Mahalanobis distance, of six degrees of freedom, within which an object agrees."""
 _ALONE = np.eye(4)[None]
 
@@ -87,6 +87,11 @@ class ObjectMotion:
     def scenes(self) -> set[int]:
         """The scenes with poses of objects."""
         return set(self._tables)
+
+    @property
+    def estimated(self) -> bool:
+        """Whether it rests on estimates: then nothing says that the judged object stood still."""
+        return not self._true
 
     @classmethod
     @checked(ground_truth=a(GroundTruth), models=a(Models))

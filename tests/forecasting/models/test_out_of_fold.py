@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.testing import assert_array_equal
 
 from graspcast.forecasting.models.out_of_fold import OutOfFold
@@ -24,3 +25,17 @@ def test_arrays_restore_it() -> None:
     assert_array_equal(again.probability, FOUND.probability)
     assert_array_equal(again.success, FOUND.success)
     assert_array_equal(again.image, FOUND.image)
+
+
+@pytest.mark.ill_typed
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("probability", np.array([0.1, 0.2])),
+        ("success", np.array([0.0, 1.0, 1.0])),
+        ("image", np.arange(3)),
+    ],
+)
+def test_what_are_no_predictions_is_refused(name: str, value: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="the out-of-fold predictions"):
+        OutOfFold.from_arrays(FOUND.to_arrays() | {f"out_of_fold/{name}": value})

@@ -42,5 +42,11 @@ class OutOfFold:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, ndarray]) -> OutOfFold:
-        """Restore what :meth:`to_arrays` returned."""
-        return cls(*(arrays[f"out_of_fold/{f.name}"] for f in fields(cls)))
+        """Restore what :meth:`to_arrays` returned; raise a ValueError if it is something else."""
+        columns = [arrays[f"out_of_fold/{f.name}"] for f in fields(cls)]
+        probability, success, image = columns
+        if len({column.shape for column in columns}) > 1 or probability.ndim != 1:
+            raise ValueError("the out-of-fold predictions have different lengths")
+        if (probability.dtype.kind, success.dtype.kind, image.dtype.kind) != ("f", "b", "U"):
+            raise ValueError("the out-of-fold predictions are not numbers, outcomes and names")
+        return cls(probability, success, image)

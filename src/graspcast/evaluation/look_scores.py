@@ -1,0 +1,179 @@
+"""Verdicts after each look against outcomes: what looking again is worth, and its cost in looks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from graspcast.errors import MismatchError
+from graspcast.estimates.instances import Instances, unit_names
+from graspcast.estimates.outcomes import join_outcomes
+from graspcast.evaluation.bootstrap import Interval, original_and_draws
+from graspcast.evaluation.verdict_scores import verdict_table
+from graspcast.forecasting.verdict import VerdictRow
+
+__all__ = ["LookScores", "PolicyScore", "Stage", "score_looks"]
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Verdicts with so many views at most, and the outcomes of the grasps they are about.
+
+    Attributes
+    ----------
+    verdicts
+        One for each instance, in the same order at every stage.
+    outcomes
+        As :func:`graspcast.estimates.outcomes.read_outcomes` returns them, of all guides.
+    """
+
+    verdicts: Sequence[VerdictRow]
+    outcomes: pl.DataFrame
+
+
+@dataclass(frozen=True)
+class PolicyScore:
+    """How often the attempts of a policy succeed, and what it costs.
+
+    Attributes
+    ----------
+    name
+        The policy, in words.
+    success
+        Success rate of its attempts; None if there are none.
+    attempt_rate
+        Share of the instances that is attempted.
+    attempts
+        How many that is.
+    looks
+        Mean number of views that the last verdict rests on.
+    """
+
+    name: str
+    success: Interval | None
+    attempt_rate: Interval
+    attempts: int
+    looks: float
+
+
+@dataclass(frozen=True)
+class LookScores:
+    """Policies on the same instances.
+
+    Attributes
+    ----------
+    n, scenes
+        Instances with an outcome at every stage, and their scenes.
+    policies
+        One look and all looks, each with all attempted and by verdicts, and look again.
+    """
+
+    n: int
+    scenes: int
+    policies: tuple[PolicyScore, ...]
+
+
+def score_looks(stages: Sequence[Stage], *, draws: int = 2000, seed: int = 0) -> LookScores:
+    """Score one look, looking again while the verdicts say so, and always all looks.
+
+    Looking again goes on until a verdict attempts or abstains; where the recorded views end, the
+    last verdict counts, and "look again" is no attempt. Intervals are by drawing scenes.
+
+    Parameters
+    ----------
+    stages
+        Verdicts with one view, with up to two views, and so on.
+    draws, seed
+        Of the bootstrap.
+
+    Raises
+    ------
+    MismatchError
+        If the stages are of different instances, or none has an outcome at every stage.
+    """
+    first = [_place(row) for row in stages[0].verdicts]
+    if any([_place(row) for row in stage.verdicts] != first for stage in stages):
+        raise MismatchError("the verdicts after each look are on different instances")
+    attempt, success, views, again = (np.stack(x) for x in zip(*map(_columns, stages), strict=True))
+    known = ~np.isnan(success).any(axis=0)
+    if not known.any():
+        raise MismatchError("no instance has an outcome after each look")
+    keys = Instances.of([row.key for row in stages[0].verdicts])
+    names = np.array(unit_names(keys, "scene"))[known]
+    attempt, success, views, again = (x[:, known] for x in (attempt, success, views, again))
+    scene, numbers = np.unique(names, return_inverse=True)
+    counts = original_and_draws(scene.tolist(), draws, seed)
+    end, every = _ends(again), np.arange(attempt.shape[1])
+    last = len(stages) - 1
+    looks = "two looks" if last == 1 else "three looks" if last == 2 else f"{last + 1} looks"
+    ends: dict[str, tuple[ndarray, bool]] = {
+        "one look, always attempting": (np.zeros_like(end), True),
+        "one look, verdicts": (np.zeros_like(end), False),
+        "look again when in doubt, verdicts": (end, False),
+        f"always {looks}, verdicts": (np.full_like(end, last), False),
+        f"always {looks}, always attempting": (np.full_like(end, last), True),
+    }
+    scored = tuple(
+        _scored(
+            name,
+            attempt[stage, every] | always,
+            success[stage, every],
+            views[stage, every],
+            counts,
+            numbers,
+        )
+        for name, (stage, always) in ends.items()
+    )
+    return LookScores(int(known.sum()), len(scene), scored)
+
+
+def _columns(stage: Stage) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+    """Return who is attempted, whether it succeeds (NaN if unknown), views, and who looks again."""
+    table = join_outcomes(verdict_table(stage.verdicts), stage.outcomes)
+    return (
+        table["attempt"].to_numpy(),
+        table["success"].cast(pl.Float64).fill_null(float("nan")).to_numpy(),
+        np.array([row.views for row in stage.verdicts]),
+        np.array([row.verdict.look is not None for row in stage.verdicts]),
+    )
+
+
+def _place(row: VerdictRow) -> tuple[str, int, int, int]:
+    """Return whose instance it is, but for ``est_id``, which is each guide's own."""
+    return row.key.dataset, row.key.scene_id, row.key.im_id, row.key.obj_id
+
+
+def _ends(again: Bool[ndarray, "s n"]) -> Int[ndarray, " n"]:
+    """Return the first stage whose verdict is not to look again, or the last."""
+    going = again.copy()
+    going[-1] = False
+    return np.asarray(np.argmin(going, axis=0))
+
+
+def _scored(
+    name: str,
+    attempt: Bool[ndarray, " n"],
+    success: Float[ndarray, " n"],
+    views: Int[ndarray, " n"],
+    counts: Int[ndarray, "draws1 scenes"],
+    numbers: Int[ndarray, " n"],
+) -> PolicyScore:
+    n, tried, held = (
+        counts @ np.bincount(numbers, weights=weights, minlength=counts.shape[1])
+        for weights in (np.ones_like(success), attempt.astype(float), attempt * success)
+    )
+    with np.errstate(invalid="ignore"):
+        rate = held / tried
+    share, limits = tried / n, (0.0, 1.0)
+    return PolicyScore(
+        name=name,
+        success=Interval.of(rate[0], rate[1:], limits) if tried[0] else None,
+        attempt_rate=Interval.of(share[0], share[1:], limits),
+        attempts=int(tried[0]),
+        looks=float(views.mean()),
+    )
