@@ -210,8 +210,8 @@ def _scores(
                 rates = np.stack([drawn[1] / drawn[0], drawn[2] / drawn[1], drawn[3] / drawn[0]])
             sums.setdefault(name, []).append(rates)
     out: dict[str, Any] = {"n": float(np.mean([len(t) for t in each.values()]))}
-    for name, values in sums.items():
-        mean = np.mean(values, axis=0)
+    for name, rates_of_each in sums.items():
+        mean = np.mean(rates_of_each, axis=0)
         out[name] = {}
         for what, row in zip(("attempts", "success", "looks"), mean, strict=True):
             limits = (0.0, np.inf if what == "looks" else 1.0)
@@ -255,7 +255,14 @@ def expectation(found: pl.DataFrame) -> list[dict[str, Any]]:
                     "expected": float(expected.mean()),
                     "after": float(after.mean()),
                     "calibration": calibration_error(expected, after),
-                    "correlation": float(np.corrcoef(expected, after)[0, 1]),
+                    "correlation": _correlation(expected, after),
                 }
             )
     return out
+
+
+def _correlation(x: Float[ndarray, " n"], y: Float[ndarray, " n"]) -> float | None:
+    """Return the correlation; None where one of them is constant."""
+    if np.ptp(x) < 1e-9 or np.ptp(y) < 1e-9:
+        return None
+    return float(np.corrcoef(x, y)[0, 1])

@@ -53,9 +53,7 @@ def score_views(
         out[str(row)] = {
             gripper: {
                 **{method: scores[method][gripper] for method in (VIEWS, SINGLE)},
-                "n": float(
-                    np.mean([len(f) for f in forecasts[::2] if f.gripper == gripper])
-                ),
+                "n": float(np.mean([len(f) for f in forecasts[::2] if f.gripper == gripper])),
             }
             for gripper in scores[VIEWS]
         }

@@ -17,6 +17,7 @@ from graspcast.views.statistics import fusion_statistics
 
 __all__ = ["BenchmarkViews", "ViewModelRule", "ViewRow", "ViewSet", "view_rows"]
 
+
 @dataclass(frozen=True)
 class ViewModelRule:
     """What a view model is trained on; rows of the same rule share it.
@@ -194,4 +195,3 @@ class BenchmarkViews:
             {rule: data.select(train, count) for rule, data in self.train.items()},
             {row: found.select(test, count) for row, found in self.test.items()},
         )
-

@@ -173,9 +173,7 @@ def _guided_by_fused(
                 after = [look.expected_probability for look in looks]
                 expected[mine] = [np.nan if p is None else p for p in after]
         numbers = benchmark.rows_of(task.test)
-        yield _frame(
-            fold, row, FUSED, found, numbers, probability=probability, expected=expected
-        )
+        yield _frame(fold, row, FUSED, found, numbers, probability=probability, expected=expected)
 
 
 def _frame(
@@ -220,4 +218,3 @@ def _with_keys(benchmark: Benchmark, found: pl.DataFrame) -> pl.DataFrame:
         }
     )
     return found.join(names, on="instance", maintain_order="left")
-
