@@ -117,6 +117,19 @@ def _chosen(kind: str, asked: list[str] | None, known: list[str]) -> list[str]:
     return list(dict.fromkeys(asked or known))
 
 
+def _protocols(options: argparse.Namespace) -> tuple[list[str], list[str]]:
+    """Return the requested protocols, and those of them with several views apart."""
+    from graspcast.evaluation.protocols import PROTOCOLS
+    from graspcast.evaluation.view_protocols import VIEW_PROTOCOLS
+
+    chosen = _chosen("protocol", options.protocols, [*PROTOCOLS, *VIEW_PROTOCOLS])
+    if not (options.outcomes or options.protocols):
+        chosen.remove("unseen_object_simulated")
+    if not (options.transferred or options.protocols):
+        chosen.remove("several_views_unseen_object")
+    return [n for n in chosen if n in PROTOCOLS], [n for n in chosen if n in VIEW_PROTOCOLS]
+
+
 def _benchmark(options: argparse.Namespace) -> tuple[Benchmark, Published]:
     """Read the published data, and one's own trials if there are any."""
     from graspcast.estimates.outcomes import read_all_outcomes
@@ -179,20 +192,13 @@ def _evaluate(options: argparse.Namespace) -> None:
     from graspcast.evaluation.report import evaluate
     from graspcast.evaluation.run import forecast_all
     from graspcast.evaluation.tables import render_evaluation
-    from graspcast.evaluation.view_protocols import VIEW_PROTOCOLS
     from graspcast.evaluation.view_tables import render_views
     from graspcast.io.provenance import versions
 
     start = time.perf_counter()
     costs = Costs(options.failure_cost, options.abstain_cost)
     bootstrap = Bootstrap(options.bootstrap, options.seed)
-    chosen = _chosen("protocol", options.protocols, [*PROTOCOLS, *VIEW_PROTOCOLS])
-    if not (options.outcomes or options.protocols):
-        chosen.remove("unseen_object_simulated")
-    if not (options.transferred or options.protocols):
-        chosen.remove("several_views_unseen_object")
-    protocols = [name for name in chosen if name in PROTOCOLS]
-    with_views = [name for name in chosen if name in VIEW_PROTOCOLS]
+    protocols, with_views = _protocols(options)
     names = _chosen("method", options.methods, list(METHODS))
     drawn = _chosen("method to draw", options.draw, names)
     if options.figures is not None:
