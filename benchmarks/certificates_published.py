@@ -21,11 +21,11 @@ import numpy as np
 from graspcast.cli.options import write_json
 from graspcast.estimates.outcomes import read_all_outcomes
 from graspcast.evaluation.benchmark import Benchmark
+from graspcast.evaluation.held_out_certificates import resample_certificates
 from graspcast.evaluation.methods import METHODS
 from graspcast.evaluation.predictions import Forecasts
 from graspcast.evaluation.run import forecast_all
 from graspcast.forecasting.training_data import SimulatedTrials
-from graspcast.guarantees.certify import certify
 from graspcast.paper.dataset import Published
 
 
@@ -58,7 +58,15 @@ def main() -> None:
     for unit in ("scene", "image"):
         for each in forecasts:
             units = each.scenes if unit == "scene" else _images(benchmark, each, images)
-            row = _resample(each, units, given)
+            row = resample_certificates(
+                each.probability,
+                each.success,
+                units,
+                rate=given.rate,
+                confidence=given.confidence,
+                resamplings=given.resamplings,
+                seed=given.seed,
+            )
             found.append(
                 {"unit": unit, "gripper": each.gripper, "principal": each.principal, **row}
             )
@@ -76,35 +84,6 @@ def _images(benchmark: Benchmark, each: Forecasts, images: list[str]) -> np.ndar
         for _, test in tasks(benchmark, "unseen_scenes", each.principal, each.gripper)
     ]
     return np.array(images)[np.concatenate(rows)]
-
-
-def _resample(each: Forecasts, units: np.ndarray, given: argparse.Namespace) -> dict[str, float]:
-    random = np.random.default_rng(given.seed)
-    names = np.unique(units)
-    none, false, attempted, perfect = [], [], [], []
-    for _ in range(given.resamplings):
-        half = np.isin(units, random.permutation(names)[: len(names) // 2])
-        guarantee = certify(
-            each.probability[half],
-            each.success[half],
-            units[half],
-            rate=given.rate,
-            confidence=given.confidence,
-            seed=given.seed,
-        ).overall
-        probability, success = each.probability[~half], each.success[~half]
-        possible = min(1.0, success.mean() / given.rate)
-        none.append(guarantee.threshold is None)
-        attempts = probability >= (np.inf if guarantee.threshold is None else guarantee.threshold)
-        false.append(bool(attempts.any()) and success[attempts].mean() < given.rate)
-        attempted.append(attempts.mean())
-        perfect.append(attempts.mean() / possible)
-    return {
-        "none": float(np.mean(none)),
-        "false": float(np.mean(false)),
-        "attempted": float(np.mean(attempted)),
-        "of_perfect": float(np.mean(perfect)),
-    }
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from graspcast.cli.console import note, print_text, progress_bar
 from graspcast.cli.options import Verbs, add_json, add_outcomes, new_verb, positive, write_json
@@ -12,6 +12,10 @@ from graspcast.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from graspcast.evaluation.benchmark import Benchmark
+    from graspcast.evaluation.bootstrap import Bootstrap
+    from graspcast.evaluation.net_benefit import Costs
+    from graspcast.io.progress import Progress
+    from graspcast.paper.dataset import Published
 
 __all__ = ["add"]
 
@@ -56,7 +60,8 @@ def add(verbs: Verbs) -> None:
         "--protocols",
         metavar="NAME",
         nargs="+",
-        help="default: all (unseen_object_simulated only with --outcomes)",
+        help="default: all (unseen_object_simulated only with --outcomes, "
+        "several_views_unseen_object only with --transferred)",
     )
     _add_cost_options(verb)
     verb.add_argument(
@@ -112,7 +117,20 @@ def _chosen(kind: str, asked: list[str] | None, known: list[str]) -> list[str]:
     return list(dict.fromkeys(asked or known))
 
 
-def _benchmark(options: argparse.Namespace) -> Benchmark:
+def _protocols(options: argparse.Namespace) -> tuple[list[str], list[str]]:
+    """Return the requested protocols, and those of them with several views apart."""
+    from graspcast.evaluation.protocols import PROTOCOLS
+    from graspcast.evaluation.view_protocols import VIEW_PROTOCOLS
+
+    chosen = _chosen("protocol", options.protocols, [*PROTOCOLS, *VIEW_PROTOCOLS])
+    if not (options.outcomes or options.protocols):
+        chosen.remove("unseen_object_simulated")
+    if not (options.transferred or options.protocols):
+        chosen.remove("several_views_unseen_object")
+    return [n for n in chosen if n in PROTOCOLS], [n for n in chosen if n in VIEW_PROTOCOLS]
+
+
+def _benchmark(options: argparse.Namespace) -> tuple[Benchmark, Published]:
     """Read the published data, and one's own trials if there are any."""
     from graspcast.estimates.outcomes import read_all_outcomes
     from graspcast.evaluation.benchmark import Benchmark
@@ -128,7 +146,38 @@ def _benchmark(options: argparse.Namespace) -> Benchmark:
             gripper: SimulatedTrials.read(options.transferred, gripper)
             for gripper in data.outcomes["gripper"].unique().sort().to_list()
         }
-    return Benchmark.of(data, simulated, transferred)
+    return Benchmark.of(data, simulated, transferred), data
+
+
+def _with_views(
+    data: Published,
+    benchmark: Benchmark,
+    protocols: list[str],
+    costs: Costs,
+    bootstrap: Bootstrap,
+    options: argparse.Namespace,
+    move: Progress,
+) -> dict[str, Any]:
+    """Fuse the published estimates, and evaluate forecasts with several views."""
+    from dataclasses import replace
+
+    from graspcast.evaluation.view_fusion import fuse_benchmark, published_sources
+    from graspcast.evaluation.view_report import evaluate_views, rows_of
+    from graspcast.evaluation.view_sets import view_rows
+
+    rows = rows_of(protocols, view_rows(benchmark.estimates.estimators))
+    sources = published_sources(data, seed=options.seed)
+    views = fuse_benchmark(sources, benchmark.estimates, rows, progress=move)
+    return evaluate_views(
+        replace(benchmark, views=views),
+        protocols,
+        rows,
+        costs=costs,
+        bootstrap=bootstrap,
+        work=options.work,
+        seed=options.seed,
+        progress=move,
+    )
 
 
 def _evaluate(options: argparse.Namespace) -> None:
@@ -143,14 +192,13 @@ def _evaluate(options: argparse.Namespace) -> None:
     from graspcast.evaluation.report import evaluate
     from graspcast.evaluation.run import forecast_all
     from graspcast.evaluation.tables import render_evaluation
+    from graspcast.evaluation.view_tables import render_views
     from graspcast.io.provenance import versions
 
     start = time.perf_counter()
     costs = Costs(options.failure_cost, options.abstain_cost)
     bootstrap = Bootstrap(options.bootstrap, options.seed)
-    protocols = _chosen("protocol", options.protocols, list(PROTOCOLS))
-    if not (options.outcomes or options.protocols):
-        protocols.remove("unseen_object_simulated")
+    protocols, with_views = _protocols(options)
     names = _chosen("method", options.methods, list(METHODS))
     drawn = _chosen("method to draw", options.draw, names)
     if options.figures is not None:
@@ -160,14 +208,19 @@ def _evaluate(options: argparse.Namespace) -> None:
 
         check_plotting()
     methods = {name: METHODS[name](options.seed) for name in names}
-    benchmark = _benchmark(options)
+    benchmark, data = _benchmark(options)
+    forecasts, scores, views = [], dict[str, Any](), dict[str, Any]()
     with progress_bar("evaluating") as move:
-        forecasts = forecast_all(
-            benchmark, methods, protocols, work=options.work, seed=options.seed, progress=move
-        )
-        scores = evaluate(forecasts, costs=costs, bootstrap=bootstrap, progress=move)
+        if protocols:
+            forecasts = forecast_all(
+                benchmark, methods, protocols, work=options.work, seed=options.seed, progress=move
+            )
+            scores = evaluate(forecasts, costs=costs, bootstrap=bootstrap, progress=move)
+        if with_views:
+            views = _with_views(data, benchmark, with_views, costs, bootstrap, options, move)
     found = {
         **scores,
+        "several_views": views,
         "protocols": {name: PROTOCOLS[name] for name in protocols},
         "methods": {n: (inspect.getdoc(m) or "").partition("\n")[0] for n, m in methods.items()},
         "settings": {name: repr(method) for name, method in methods.items()},
@@ -178,7 +231,10 @@ def _evaluate(options: argparse.Namespace) -> None:
         "versions": versions("numba", "scikit-learn", "scipy"),
         "seconds": time.perf_counter() - start,
     }
-    print_text(render_evaluation(found))
+    if protocols:
+        print_text(render_evaluation(found))
+    if with_views:
+        print_text(render_views(views))
     if options.figures is not None:
         from graspcast.evaluation.figures import draw_figures
 

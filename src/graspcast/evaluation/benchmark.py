@@ -18,6 +18,7 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.image_split import frames_of, split_of
 from graspcast.estimates.instances import scene_groups
 from graspcast.estimates.matching import true_poses
+from graspcast.evaluation.view_sets import BenchmarkViews
 from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
 from graspcast.io.hashing import sha256
 from graspcast.paper.dataset import Published
@@ -51,6 +52,8 @@ class Benchmark:
         Outcomes of one's own campaign, if there is one.
     transferred
         Gripper's name to simulated trials of each object by errors transferred from others.
+    views
+        Poses of the instances fused from several views, for the protocols with views.
     """
 
     estimates: Estimates
@@ -61,6 +64,7 @@ class Benchmark:
     reported: Bool[ndarray, " n"]
     simulated: pl.DataFrame | None = None
     transferred: Mapping[str, SimulatedTrials] = field(default_factory=dict)
+    views: BenchmarkViews | None = None
     _joined: dict[tuple[str, str, bool], TrainingData] = field(default_factory=dict, repr=False)
 
     @classmethod

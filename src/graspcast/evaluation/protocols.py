@@ -19,6 +19,7 @@ from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
 from graspcast.evaluation.benchmark import Benchmark
 from graspcast.evaluation.predictions import Forecasts
+from graspcast.evaluation.view_sets import BenchmarkViews
 from graspcast.forecasting.splits import by_group
 from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
 from graspcast.io.progress import Progress, step_of
@@ -90,6 +91,8 @@ class Task:
         The object or gripper that is left out, if the protocol leaves one out.
     seed
         Of everything random.
+    views
+        Fused poses of :attr:`annotated` and of :attr:`test`, where the benchmark has them.
     """
 
     protocol: str
@@ -106,6 +109,7 @@ class Task:
     left_out: str | None
     seed: int
     _look_up: Callable[[Estimates], Float[ndarray, "k 4 4"]]
+    views: BenchmarkViews | None = None
 
     def truth_of(self, estimates: Estimates) -> Float[ndarray, "k 4 4"]:
         """Look up true poses of training instances, also of those in :attr:`simulated`.
@@ -272,6 +276,9 @@ def _task(
 
     own = {} if benchmark.simulated is None else tried(gripper, ~fold.held_out, True)
     known = tried(fold.gripper, fold.train, False)
+    views = benchmark.views
+    if views is not None:
+        views = views.select(fold.annotated, benchmark.rows_of(test), len(benchmark))
     return Task(
         protocol=protocol,
         principal=principal,
@@ -287,6 +294,7 @@ def _task(
         left_out=fold.left_out,
         seed=seed,
         _look_up=look_up,
+        views=views,
     )
 
 

@@ -94,11 +94,16 @@ def evaluate(
 
 
 def evaluate_protocol(
-    forecasts: Sequence[Forecasts], costs: Costs, bootstrap: Bootstrap
+    forecasts: Sequence[Forecasts],
+    costs: Costs,
+    bootstrap: Bootstrap,
+    *,
+    baselines: Sequence[str] = BASELINES,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return scores by method and gripper, and reference net benefits by gripper, of one protocol.
 
-    All methods, principals and grippers share the draws of scenes, so differences are paired.
+    All methods, principals and grippers share the draws of scenes, so differences from the
+    baselines are paired.
     """
     given = _check(forecasts)
     scenes = np.unique(np.concatenate([f.scenes for f in forecasts])).tolist()
@@ -111,7 +116,7 @@ def evaluate_protocol(
         for (method, principal, g), found in scored.items():
             if g == gripper:
                 by_method.setdefault(method, {})[principal] = found
-        for method, found in _of_gripper(by_method, bootstrap).items():
+        for method, found in _of_gripper(by_method, bootstrap, baselines).items():
             out[method][gripper] = found
         first = next(iter(by_method))
         references[gripper] = _references(
@@ -121,7 +126,9 @@ def evaluate_protocol(
 
 
 def _of_gripper(
-    by_method: Mapping[str, Mapping[str, _PrincipalScores]], bootstrap: Bootstrap
+    by_method: Mapping[str, Mapping[str, _PrincipalScores]],
+    bootstrap: Bootstrap,
+    baselines: Sequence[str],
 ) -> dict[str, Any]:
     """Return each method's scores with one gripper, averaged over principals."""
     draws = {m: _mean_draws(found) for m, found in by_method.items()}
@@ -147,7 +154,7 @@ def _of_gripper(
             },
             "differences": {
                 baseline: differences(method, baseline)
-                for baseline in BASELINES
+                for baseline in baselines
                 if baseline in draws and baseline != method
             },
             "by_principal": {principal: one.scores for principal, one in found.items()},

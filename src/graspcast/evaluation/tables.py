@@ -8,10 +8,10 @@ from typing import Any
 from graspcast.evaluation.report import BASELINES, SCORES
 from graspcast.io.markdown import table
 
-__all__ = ["render_evaluation"]
+__all__ = ["TITLES", "render_evaluation", "with_interval"]
 
 _NONE = "-"
-_TITLES = {
+TITLES: Mapping[str, str] = {
     "accuracy": "accuracy",
     "auroc": "AUROC",
     "brier": "Brier",
@@ -19,6 +19,7 @@ _TITLES = {
     "aurc": "AURC",
     "net_benefit": "net benefit",
 }
+"""Each measure's name in tables."""
 _REFERENCES = {
     "always": "attempt all",
     "never": "attempt none",
@@ -51,7 +52,8 @@ def render_evaluation(found: Mapping[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
-def _with_interval(value: float | None, interval: list[float] | None, sign: str = "") -> str:
+def with_interval(value: float | None, interval: list[float] | None, sign: str = "") -> str:
+    """Format a value and its interval, with signs if ``sign`` is ``+``."""
     if value is None:
         return _NONE
     text = f"{value:{sign}.3f}"
@@ -60,11 +62,11 @@ def _with_interval(value: float | None, interval: list[float] | None, sign: str 
 
 def _scores(scores: Mapping[str, Any], gripper: str) -> str:
     rows = [
-        [method, *(_with_interval(f[gripper][m], f[gripper][f"{m}_interval"]) for m in SCORES)]
+        [method, *(with_interval(f[gripper][m], f[gripper][f"{m}_interval"]) for m in SCORES)]
         for method, f in scores.items()
         if gripper in f
     ]
-    return table([f"{gripper} gripper", *(_TITLES[m] for m in SCORES)], rows)
+    return table([f"{gripper} gripper", *(TITLES[m] for m in SCORES)], rows)
 
 
 def _differences(scores: Mapping[str, Any], gripper: str) -> str:
@@ -78,10 +80,10 @@ def _differences(scores: Mapping[str, Any], gripper: str) -> str:
             rows.append(
                 [
                     f"{method} minus {baseline}",
-                    *(_with_interval(c["difference"], c["interval"], "+") for c in cells),
+                    *(with_interval(c["difference"], c["interval"], "+") for c in cells),
                 ]
             )
-    return table([f"{gripper} gripper", *(_TITLES[m] for m in shown)], rows) if rows else ""
+    return table([f"{gripper} gripper", *(TITLES[m] for m in shown)], rows) if rows else ""
 
 
 def _net_benefit(scores: Mapping[str, Any], references: Mapping[str, Any]) -> str:
@@ -95,7 +97,7 @@ def _net_benefit(scores: Mapping[str, Any], references: Mapping[str, Any]) -> st
             [
                 method,
                 *(
-                    _with_interval(c["net_benefit"], c["net_benefit_interval"]) if c else _NONE
+                    with_interval(c["net_benefit"], c["net_benefit_interval"]) if c else _NONE
                     for c in cells
                 ),
             ]
