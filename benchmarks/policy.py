@@ -1,7 +1,8 @@
 """Looking again when in doubt, on published outcomes of scenes that are not in training.
 
-The scenes are left out of training in four parts. Grasps are guided by single-view estimates, whose outcomes are
-published, so a further look changes the forecast, not the pose. Attempted is from the threshold on.
+The scenes are left out of training in four parts. Grasps are guided by single-view estimates, whose
+outcomes are published, so a further look changes the forecast, not the pose. A grasp is attempted
+from the threshold on.
 
     python benchmarks/policy.py --data DATA
 """
