@@ -121,7 +121,10 @@ def bin_of(probability: Float[ndarray, " n"], *, bins: int = BINS) -> Int[ndarra
 
 
 def calibration_error(
-    probability: Float[ndarray, " n"], success: Bool[ndarray, " n"], *, bins: int = BINS
+    probability: Float[ndarray, " n"],
+    success: Bool[ndarray, " n"] | Float[ndarray, " n"],
+    *,
+    bins: int = BINS,
 ) -> float:
     """Return the expected calibration error (Naeini et al. 2015) over bins of equal width.
 
