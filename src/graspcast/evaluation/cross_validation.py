@@ -14,11 +14,10 @@ from graspcast.errors import InputError
 from graspcast.estimates.instances import scene_groups
 from graspcast.evaluation.scores import Scores, score
 from graspcast.forecasting.forecaster import Forecaster
-from graspcast.forecasting.models.blend import Blend
-from graspcast.forecasting.models.design_matrix import nearest_to
 from graspcast.forecasting.splits import by_group, by_object
 from graspcast.forecasting.train import fit_forecaster
 from graspcast.forecasting.training_data import TrainingData
+from graspcast.forecasting.view_verdicts import view_probabilities
 from graspcast.io.arguments import a, checked
 from graspcast.io.progress import Progress, step_of
 
@@ -119,20 +118,23 @@ def _seen(
     forecaster: Forecaster, data: TrainingData, models: Mapping[str, Models]
 ) -> tuple[Int[ndarray, " m"], Float[ndarray, " m"]]:
     """Forecast instances with two or three views; return their numbers and the probabilities."""
-    views, blend = data.views, forecaster.predictor
+    views = data.views
     assert views is not None
-    if not isinstance(blend, Blend) or blend.views is None:
+    if forecaster.view_model is None:
         return np.empty(0, dtype=np.int64), np.empty(0)
     kept = np.flatnonzero((views.views > 1) & (views.views <= SCORED_VIEWS))
     order = kept[np.lexsort((views.views[kept], views.row[kept]))]
     _, first = np.unique(views.row[order][::-1], return_index=True)
     last = order[len(order) - 1 - first]
     row, estimates = views.row[last], data.estimates
-    guide = estimates.of(data.principal)[row]
-    of = (estimates.dataset[row], estimates.obj_id[row], models)
-    fused = nearest_to(guide, views.cam_T_fused[last], *of)
-    numbers = forecaster.card.numbers_of(estimates.objects[row].tolist(), unseen=True)
-    return row, blend.view_probability(views.statistics[last], fused, guide, numbers)
+    return row, view_probabilities(
+        forecaster,
+        estimates.instances.select(row),
+        views.statistics[last],
+        views.cam_T_fused[last],
+        estimates.of(data.principal)[row],
+        models,
+    )
 
 
 def _folds(

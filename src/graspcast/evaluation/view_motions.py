@@ -106,18 +106,7 @@ class OtherImagesMotion(_Changed):
         place[cycle] = np.roll(cycle, 1)  # one cycle, so none keeps its own
         if not len(cycle):
             return views
-        refine = views.refine
-
-        def interchanged(chosen: Int[ndarray, " b"]) -> RefinedMotions:
-            assert refine is not None
-            return refine(place[chosen])
-
-        return replace(
-            views,
-            cam_T_view=views.cam_T_view[place],
-            noise=views.noise[place],
-            refine=None if refine is None else interchanged,
-        )
+        return _motions_at(views, place, views.im_id)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,16 +139,23 @@ class ParallaxMotion(_Changed):
         towards = viewing_directions(at, centres)
         angle = angles(towards[1:], towards[0])
         kept = np.flatnonzero((angle >= self.low_rad) & (angle < self.high_rad))
-        refine = views.refine
+        return _motions_at(views, kept, views.im_id[kept])
 
-        def among(chosen: Int[ndarray, " b"]) -> RefinedMotions:
-            assert refine is not None
-            return refine(kept[chosen])
 
-        return replace(
-            views,
-            im_id=views.im_id[kept],
-            cam_T_view=views.cam_T_view[kept],
-            noise=views.noise[kept],
-            refine=None if refine is None else among,
-        )
+def _motions_at(
+    views: ViewMotions, place: Int[ndarray, " k"], im_id: Int[ndarray, " k"]
+) -> ViewMotions:
+    """Return these images with the motions that stand at these places."""
+    refine = views.refine
+
+    def at(chosen: Int[ndarray, " b"]) -> RefinedMotions:
+        assert refine is not None
+        return refine(place[chosen])
+
+    return replace(
+        views,
+        im_id=im_id,
+        cam_T_view=views.cam_T_view[place],
+        noise=views.noise[place],
+        refine=None if refine is None else at,
+    )

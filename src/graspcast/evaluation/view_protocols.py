@@ -17,11 +17,10 @@ from graspcast.evaluation.methods import training_data_of
 from graspcast.evaluation.protocols import Task, tasks
 from graspcast.evaluation.view_sets import ViewModelRule, ViewRow, ViewSet
 from graspcast.forecasting.forecaster import Forecaster
-from graspcast.forecasting.models.blend import Blend, ForestSettings
-from graspcast.forecasting.models.design_matrix import nearest_to
+from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.train import fit_forecaster
 from graspcast.forecasting.training_data import TrainingData
-from graspcast.forecasting.view_verdicts import FUSED
+from graspcast.forecasting.view_verdicts import FUSED, view_probabilities
 from graspcast.io.progress import Progress, step_of
 
 __all__ = [
@@ -244,14 +243,14 @@ def forecast_views(
     -------
         NaN where too few views are left, or the object is not known.
     """
-    data, blend = found.data, forecaster.predictor
+    data = found.data
     out = np.full(len(data), np.nan)
     several: Bool[ndarray, " m"] = data.views >= least_views
-    if not several.any() or not isinstance(blend, Blend) or blend.views is None:
+    if not several.any() or forecaster.view_model is None:
         return out
     row, fused = data.row[several], data.cam_T_fused[several]
     guide = fused if principal == FUSED else estimates.of(principal)[row]
-    near = nearest_to(guide, fused, estimates.dataset[row], estimates.obj_id[row], models)
-    numbers = forecaster.card.numbers_of(estimates.objects[row].tolist(), unseen=True)
-    out[several] = blend.view_probability(data.statistics[several], near, guide, numbers)
+    instances = estimates.instances.select(row)
+    given = (instances, data.statistics[several], fused, guide, models)
+    out[several] = view_probabilities(forecaster, *given)
     return out

@@ -12,7 +12,7 @@ from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.novelty import OOD_ALPHA
-from graspcast.forecasting.recorded_verdicts import ViewSettings, fused_of
+from graspcast.forecasting.recorded_verdicts import ViewSettings, judge_recorded
 from graspcast.forecasting.verdict import VerdictRow
 from graspcast.forecasting.view_verdicts import FUSED
 from graspcast.views.camera_motion import CameraMotion
@@ -103,19 +103,9 @@ def run_policy(
     stages: list[list[VerdictRow]] = []
     taken: list[ndarray] = []
     for looks in range(1, settings.max_looks + 1):
-        fused = fused_of(forecaster, inputs, dataset, motion, replace(settings, max_views=looks))
-        rows = forecaster.judge(
-            fused,
-            inputs.models,
-            guide=settings.guide,
-            threshold=threshold,
-            guarantee=guarantee,
-            ood_alpha=ood_alpha,
-            max_looks=settings.max_looks,
-            min_gain=settings.min_gain,
-            motion=motion,
-            noise=settings.noise,
-        )
+        stage = replace(settings, max_views=looks)
+        options = {"threshold": threshold, "guarantee": guarantee, "ood_alpha": ood_alpha}
+        fused, rows = judge_recorded(forecaster, inputs, dataset, motion, stage, **options)
         stages.append([_named(row, looks) for row in rows])
         taken.append(fused.gathered.present.any(axis=2).sum(axis=1))
     ended = _ended(stages, taken)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.instances import InstanceKey
@@ -19,7 +20,7 @@ from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.choice import MIN_PARALLAX_RAD, ViewsFrom
 from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
 
-__all__ = ["ViewSettings", "fused_of", "verdicts_with_views"]
+__all__ = ["ViewSettings", "fused_of", "judge_recorded", "verdicts_with_views"]
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,29 @@ def fused_of(
     return fused
 
 
+def judge_recorded(
+    forecaster: Forecaster,
+    inputs: Inputs,
+    dataset: str,
+    motion: CameraMotion | None,
+    settings: ViewSettings,
+    **options: Any,
+) -> tuple[FusedEstimates, list[VerdictRow]]:
+    """Fuse the instances of one dataset, and judge them; ``options`` are further ones of judge."""
+    fused = fused_of(forecaster, inputs, dataset, motion, settings)
+    rows = forecaster.judge(
+        fused,
+        inputs.models,
+        guide=settings.guide,
+        max_looks=settings.max_looks,
+        min_gain=settings.min_gain,
+        motion=motion,
+        noise=settings.noise,
+        **options,
+    )
+    return fused, rows
+
+
 def verdicts_with_views(
     models: Fallbacks,
     inputs: Inputs,
@@ -129,19 +153,8 @@ def verdicts_with_views(
             least, guarantee = overall.threshold, str(overall)
         for dataset in inputs.results:
             motion = motions.get(dataset)
-            fused = fused_of(forecaster, inputs, dataset, motion, settings)
-            rows = forecaster.judge(
-                fused,
-                inputs.models,
-                guide=settings.guide,
-                threshold=least,
-                guarantee=guarantee,
-                ood_alpha=ood_alpha,
-                max_looks=settings.max_looks,
-                min_gain=settings.min_gain,
-                motion=motion,
-                noise=settings.noise,
-            )
+            options = {"threshold": least, "guarantee": guarantee, "ood_alpha": ood_alpha}
+            fused, rows = judge_recorded(forecaster, inputs, dataset, motion, settings, **options)
             for key, row in zip(fused.instances.to_keys(), rows, strict=True):
                 if key not in out or out[key].verdict.probability is None:
                     out[key] = row

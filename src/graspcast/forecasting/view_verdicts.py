@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -117,41 +118,34 @@ def judge(
 
 def view_probabilities(
     forecaster: Forecaster,
-    fused: FusedEstimates,
+    instances: Instances,
+    statistics: Float[ndarray, "n d"],
+    cam_T_fused: Float[ndarray, "n 4 4"],
     cam_T_guide: Float[ndarray, "n 4 4"],
     models: Mapping[str, Models],
-    *,
-    rows: Int[ndarray, " n"],
-    statistics: Float[ndarray, "n d"] | None = None,
 ) -> Float[ndarray, " n"]:
-    """Forecast the success of grasps by the view model.
+    """Forecast the success of grasps by the view model; NaN for objects that it does not know.
 
     Parameters
     ----------
     forecaster
         Trained with views.
-    fused
-        Fused poses.
+    instances
+        What the poses are of.
+    statistics, cam_T_fused
+        Of the fusions, and the fused poses.
     cam_T_guide
-        The poses that guide, for each of ``rows``.
+        The poses that guide.
     models
         Dataset's name to its object models, for symmetries.
-    rows
-        Numbers of the fused poses.
-    statistics
-        Of these, if they are known.
 
     Raises
     ------
     MismatchError
         If the forecaster was trained without views.
     """
-    keys = fused.instances.select(rows)
-    if statistics is None:
-        statistics = fusion_statistics(fused)[rows]
-    poses = fused.poses.cam_T_obj[rows]
-    near = nearest_to(cam_T_guide, poses, keys.dataset, keys.obj_id, models)
-    numbers = forecaster.card.numbers_of(keys.objects.tolist(), unseen=True)
+    near = nearest_to(cam_T_guide, cam_T_fused, instances.dataset, instances.obj_id, models)
+    numbers = forecaster.card.numbers_of(instances.objects.tolist(), unseen=True)
     assert isinstance(forecaster.predictor, Blend)
     return forecaster.predictor.view_probability(statistics, near, cam_T_guide, numbers)
 
@@ -189,6 +183,11 @@ class _Frame:
             several = np.zeros(len(fused), dtype=bool)
         return cls(forecaster, fused, models, guide, several)
 
+    @cached_property
+    def statistics(self) -> Float[ndarray, "n d"]:
+        """Of all fusions, (n, d)."""
+        return fusion_statistics(self.fused)
+
     def candidates(
         self, rows: Int[ndarray, " m"]
     ) -> dict[str, tuple[Float[ndarray, "m 4 4"], Bool[ndarray, " m"], Int[ndarray, " m"]]]:
@@ -215,16 +214,20 @@ class _Frame:
         """Judge instances with several views."""
         fused, forecaster = self.fused, self.forecaster
         assert forecaster.view_model is not None
-        statistics = fusion_statistics(fused)[rows]
         candidates = self.candidates(rows)
         probability = np.full((len(candidates), len(rows)), np.nan)
         for values, (poses, there, _) in zip(probability, candidates.values(), strict=True):
-            given = {"rows": rows[there], "statistics": statistics[there]}
+            mine = rows[there]
             values[there] = view_probabilities(
-                forecaster, fused, poses[there], self.models, **given
+                forecaster,
+                fused.instances.select(mine),
+                self.statistics[mine],
+                fused.poses.cam_T_obj[mine],
+                poses[there],
+                self.models,
             )
         best = np.where(np.isnan(probability), -1.0, probability).argmax(axis=0).tolist()
-        unusual = forecaster.view_model.assess(statistics)
+        unusual = forecaster.view_model.assess(self.statistics[rows])
         names, keys = list(candidates), fused.instances.select(rows).to_keys()
         problems = self._problems(rows)
         out = []
@@ -273,8 +276,8 @@ class _Frame:
         asked = np.flatnonzero(waits & known & (taken < max_looks))
         if not len(asked):
             return
-        statistics = fusion_statistics(fused)[asked]
-        looks = looks_for(forecaster, fused, asked, statistics, motion=motion, noise=noise)
+        given = (forecaster, fused, asked, self.statistics[asked])
+        looks = looks_for(*given, motion=motion, noise=noise)
         for i, look in zip(asked.tolist(), looks, strict=True):
             verdict, expected = rows[i].verdict, look.expected_probability
             if verdict.probability is None or expected is None:

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-__all__ = ["expit", "fit_calibration", "logit"]
+__all__ = ["calibrated", "expit", "fit_calibration", "logit"]
 
 
 def logit(p: ndarray) -> ndarray:
@@ -24,6 +24,12 @@ def logit(p: ndarray) -> ndarray:
 def expit(x: ndarray) -> ndarray:
     """Return the probabilities of log-odds."""
     return np.asarray(1 / (1 + np.exp(-x)))
+
+
+def calibrated(raw: ndarray, calibration: Float[ndarray, "2"]) -> ndarray:
+    """Return the calibrated probabilities of raw ones, by slope and intercept on the log-odds."""
+    slope, intercept = calibration
+    return expit(slope * logit(raw) + intercept)
 
 
 def fit_calibration(forecast: ndarray, outcome: ndarray) -> Float[ndarray, "2"]:

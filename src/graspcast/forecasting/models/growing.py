@@ -17,7 +17,7 @@ from graspcast.bop.models import Models
 from graspcast.errors import InputError
 from graspcast.estimates.instances import unit_names
 from graspcast.forecasting.models.blend import Blend, ForestSettings
-from graspcast.forecasting.models.calibration import expit, fit_calibration, logit
+from graspcast.forecasting.models.calibration import calibrated, fit_calibration
 from graspcast.forecasting.models.design_matrix import DesignMatrix
 from graspcast.forecasting.models.forest import Forest, flatten
 from graspcast.forecasting.models.out_of_fold import OutOfFold
@@ -102,8 +102,7 @@ def _calibrated(
             calibration = np.stack([fit_calibration(each, own) for each in predictions])
             rows = np.flatnonzero(~np.isnan(predictions[0]))
             if len(rows):
-                slope, intercept = calibration[0]
-                probability = expit(slope * logit(predictions[0, rows]) + intercept)
+                probability = calibrated(predictions[0, rows], calibration[0])
                 kept = OutOfFold(probability, own[rows] == 1, images[rows])
                 blend = replace(blend, calibration=calibration, out_of_fold=kept)
         out[k] = blend
@@ -121,8 +120,7 @@ def _calibrated_views(
         return model
     calibration = fit_calibration(seen[known], outcome[known])
     row = np.broadcast_to(matrix.views.row, seen.shape)[known]
-    slope, intercept = calibration
-    probability = expit(slope * logit(seen[known]) + intercept)
+    probability = calibrated(seen[known], calibration)
     kept = OutOfFold(probability, outcome[known] == 1, images[row])
     return replace(model, calibration=calibration, out_of_fold=kept)
 

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from graspcast.forecasting.models.calibration import expit, logit
+from graspcast.forecasting.models.calibration import calibrated
 from graspcast.forecasting.models.out_of_fold import OutOfFold
 from graspcast.forecasting.models.two_stage import (
     ErrorModel,
@@ -136,8 +136,7 @@ class ViewModel:
 
     def calibrated(self, raw: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
         """Return the probabilities of raw forecasts."""
-        slope, intercept = self.calibration
-        return expit(slope * logit(raw) + intercept)
+        return calibrated(raw, self.calibration)
 
     def assess(self, statistics: Float[ndarray, "n d"]) -> list[Disagreement]:
         """Assess how unusual the residuals of each fusion are."""

@@ -22,7 +22,7 @@ from numpy import ndarray
 
 from graspcast.errors import InputError, MismatchError
 from graspcast.forecasting.features import Features
-from graspcast.forecasting.models.calibration import expit, fit_calibration, logit
+from graspcast.forecasting.models.calibration import calibrated, fit_calibration
 from graspcast.forecasting.models.encoding import one_hot_numbers
 from graspcast.forecasting.models.forest import Forest, flatten
 from graspcast.forecasting.models.out_of_fold import OutOfFold
@@ -97,8 +97,7 @@ class _Part:
 
     def calibrated(self, raw: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
         """Calibrate what :meth:`raw` forecasts."""
-        slope, intercept = self.calibration
-        return expit(slope * logit(raw) + intercept)
+        return calibrated(raw, self.calibration)
 
 
 @dataclass(frozen=True, eq=False)
