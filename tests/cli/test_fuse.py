@@ -102,3 +102,24 @@ def test_without_camera_poses_one_view_is_offered(
 def test_degrees_out_of_range(scene: Path, value: str) -> None:
     with pytest.raises(SystemExit):
         main(arguments(scene, "--min-parallax", value))
+
+
+def test_motion_from_the_estimates_of_other_objects(
+    scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Here are two objects: one other object is not enough, which is said."""
+    given = [*arguments(scene)[:-2], "--motion-from", "estimates", "--views-from", "all"]
+    assert main(given) == 0
+    out, _ = capsys.readouterr()
+    assert "16 instances: 16 from 1 view" in out
+    assert "left out 112 views since fewer than two other objects agree on the motion" in out
+    write_models(scene / "made" / "models", **{f"obj_{i}": {} for i in range(1, 6)})
+    poses = seen(CAMERAS, objects(5))
+    for seed, name in enumerate("ab"):
+        write_results(scene / f"{name}_made-test.csv", estimates_of(scattered(poses, seed)))
+    assert main(given) == 0
+    out, _ = capsys.readouterr()
+    assert "40 instances: " in out and " from 3 views" in out
+    both = refused([*given, "--camera-poses", str(scene / "cameras.csv")], capsys)
+    assert "either that of the camera poses or taken from estimates" in both
+    assert "(see --camera-poses, --motion-from)" in both

@@ -125,7 +125,7 @@ def fuse_poses(
     *,
     noise: CameraNoise | Float[ndarray, "n v 2"] | None = None,
     motion_covariance: Float[ndarray, "n v 6 6"] | None = None,
-    symmetries: Sequence[Float[ndarray, "s 4 4"]] | None = None,
+    symmetries: Sequence[Float[ndarray, "_ 4 4"]] | None = None,
     principal: int = 0,
     own_image_stays: bool = False,
 ) -> FusedPoses:

@@ -81,7 +81,7 @@ class Statements:
 
 
 def statements(
-    cam: ObjectPoses, views: ObjectPoses, objects: list[tuple[int, Float[ndarray, "s 4 4"]]]
+    cam: ObjectPoses, views: ObjectPoses, objects: list[tuple[int, Float[ndarray, "_ 4 4"]]]
 ) -> Statements:
     """Return the motions that some objects state.
 
@@ -141,7 +141,7 @@ def fit_motion(
     cam: ObjectPoses,
     views: ObjectPoses,
     allowed: Bool[ndarray, "m o"],
-    symmetries: list[Float[ndarray, "s 4 4"]],
+    symmetries: list[Float[ndarray, "_ 4 4"]],
 ) -> tuple[Float[ndarray, "m 4 4"], Float[ndarray, "m 6 6"], Float[ndarray, "m o"]]:
     """Fit the motion to the poses of objects in both images, with Cauchy weights.
 
