@@ -28,7 +28,7 @@ def test_rows_of_the_same_fusion_are_fused_once(world: World) -> None:
 def test_stated_noise_widens_and_a_motion_of_other_images_contradicts(world: World) -> None:
     _, sources = world
     (exact,) = sources.fused(ViewRow("", 3))
-    (noisy,) = sources.fused(ViewRow("", 3, ViewModelRule(noise_mm=5)))
+    (noisy,) = sources.fused(ViewRow("", 3, ViewModelRule(noise_mm=5.0)))
     assert np.median(noisy.poses.along_m) > 1.5 * np.median(exact.poses.along_m)
     (wrong,) = sources.fused(ViewRow("", 3, other_images=True))
     assert (exact.views > 1).mean() > 0.9

@@ -22,7 +22,7 @@ def test_keys_are_unique_and_averaging_shares_the_fusion() -> None:
     assert len({row.key for row in rows}) == len(rows)
     averaged = [row for row in rows if row.averaged]
     assert averaged and all(any(r.fusion == a.fusion for r in rows if r != a) for a in averaged)
-    assert {row.rule for row in rows} >= {ViewModelRule(alone="a"), ViewModelRule(noise_mm=3)}
+    assert {row.rule for row in rows} >= {ViewModelRule(alone="a"), ViewModelRule(noise_mm=3.0)}
 
 
 def test_instances_with_several_views_are_there(world: tuple[ViewSet, int]) -> None:

@@ -100,10 +100,10 @@ def view_rows(estimators: Sequence[str]) -> list[ViewRow]:
     pooled = [ViewModelRule(alone=name, pooled=True) for name in estimators]
     name = "one estimator alone, 3 views, outcomes of all in training"
     out += [ViewRow(name, 3, rule) for rule in pooled]
-    for low, high in ((2, 6), (6, 12), (12, 20), (20, 30), (30, 60)):
-        out.append(ViewRow(f"3 views, parallax {low}-{high}°", 3, parallax_deg=(low, high)))
-    for mm in (1, 3, 5):
-        name = f"3 views, motion to {mm} mm, {mm / 10:g}°"
+    for low, high in ((2.0, 6.0), (6.0, 12.0), (12.0, 20.0), (20.0, 30.0), (30.0, 60.0)):
+        out.append(ViewRow(f"3 views, parallax {low:g}-{high:g}°", 3, parallax_deg=(low, high)))
+    for mm in (1.0, 3.0, 5.0):
+        name = f"3 views, motion to {mm:g} mm, {mm / 10:g}°"
         out.append(ViewRow(name, 3, ViewModelRule(noise_mm=mm)))
     estimated = ViewModelRule(estimated=True)
     out.append(ViewRow("3 views, motion from estimates", 3, estimated))
