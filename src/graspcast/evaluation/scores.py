@@ -129,7 +129,7 @@ def calibration_error(
     """Return the expected calibration error (Naeini et al. 2015) over bins of equal width.
 
     It is the mean absolute difference between a bin's mean probability and its success rate,
-    weighted by the number of samples in the bin.
+    weighted by the number of samples in the bin. In place of outcomes there may be probabilities.
     """
     gap = np.bincount(bin_of(probability, bins=bins), weights=probability - success, minlength=bins)
     return float(np.abs(gap).sum() / len(success))

@@ -172,7 +172,8 @@ def train_fold(
     for i, rule in enumerate(wanted):
         names = (rule.alone,) if rule.alone else data.estimates.estimators
         principal = rule.alone or task.principal
-        mine = replace(data, principal=principal).only(*names)
+        mine = replace(data, principal=principal)
+        mine = mine if rule.pooled else mine.only(*names)
         by_rule[rule] = fit_forecaster(
             replace(mine, views=task.views.train[rule]),
             # Only the view model of the others is used, to which the direct forest adds nothing.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -30,11 +30,15 @@ class ViewModelRule:
         Of the camera motion, per axis, with 0.1 degrees for each millimetre.
     estimated
         Whether the motion is estimated from other objects' estimates.
+    pooled
+        Whether success given error is also learned from the outcomes of grasps that the other
+        estimators guided, though only one is fused.
     """
 
     alone: str = ""
     noise_mm: float = 0.0
     estimated: bool = False
+    pooled: bool = False
 
 
 @dataclass(frozen=True)
@@ -70,9 +74,8 @@ class ViewRow:
     @property
     def fusion(self) -> ViewRow:
         """The row as far as fused poses depend on it."""
-        return ViewRow(
-            "", self.views, self.rule, self.earlier, self.other_images, self.parallax_deg
-        )
+        rule = replace(self.rule, pooled=False)
+        return ViewRow("", self.views, rule, self.earlier, self.other_images, self.parallax_deg)
 
     @property
     def key(self) -> str:
@@ -87,13 +90,16 @@ class ViewRow:
         return float(np.deg2rad(self.parallax_deg[0]))
 
 
-def view_rows(estimators: Iterable[str]) -> list[ViewRow]:
+def view_rows(estimators: Sequence[str]) -> list[ViewRow]:
     """Return the rows of the table with several views."""
     out = [ViewRow(f"{v} views", v) for v in (2, 3, 5)]
     out.append(ViewRow("3 views, earlier images", 3, earlier=True))
     for v in (2, 3):
         each = [ViewModelRule(alone=name) for name in estimators]
         out += [ViewRow(f"one estimator alone, {v} views", v, rule) for rule in each]
+    pooled = [ViewModelRule(alone=name, pooled=True) for name in estimators]
+    name = "one estimator alone, 3 views, outcomes of all in training"
+    out += [ViewRow(name, 3, rule) for rule in pooled]
     for low, high in ((2.0, 6.0), (6.0, 12.0), (12.0, 20.0), (20.0, 30.0), (30.0, 60.0)):
         out.append(ViewRow(f"3 views, parallax {low:g}-{high:g}°", 3, parallax_deg=(low, high)))
     for mm in (1.0, 3.0, 5.0):
