@@ -143,7 +143,11 @@ class Comparison:
         return {name: _without_nan(value) for name, value in out.items()}
 
 
-@checked(training_data=sequence(a(TrainingData)), models=mapping(a(Models), "dataset"))
+@checked(
+    training_data=sequence(a(TrainingData)),
+    models=mapping(a(Models), "dataset"),
+    views=mapping(a(PrincipalViews), "principal"),
+)
 def compare(
     training_data: Sequence[TrainingData],
     *,
