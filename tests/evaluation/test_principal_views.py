@@ -24,6 +24,7 @@ from graspcast.forecasting.train import fit_forecaster
 from graspcast.forecasting.view_verdicts import judge
 from graspcast.views.camera_motion import CameraMotion
 from looked_at import CAMERAS, Training, fused, training
+from synthetic import with_keys
 
 FAST: dict[str, Any] = {"folds": 2, "forests": ForestSettings(trees=12, draws=16, folds=0)}
 
@@ -159,3 +160,23 @@ def test_one_view_and_too_many_are_refused(given: Training, single: PrincipalFor
     views = fuse_principals(inputs, motions, [given.data], max_views=6, views_from="all")["a"]
     with pytest.raises(InputError, match="no instance of a with forecasts has 6 views"):
         view_forecasts(given.data, views, single, models=given.models, **FAST)
+
+
+def test_a_dataset_without_camera_poses_is_left_out(given: Training) -> None:
+    """Scenes 7 to 12 are another dataset, of whose camera nothing is known."""
+    estimates = given.data.estimates
+    second = estimates.scene_id > 6
+    dataset = np.where(second, "e", "d")
+    data = replace(given.data, estimates=with_keys(estimates, dataset=dataset))
+    first = {name: table.select(table.scene_id <= 6) for name, table in given.results.items()}
+    other = {name: table.select(table.scene_id > 6) for name, table in given.results.items()}
+    inputs = Inputs({}, {"d": first, "e": other})
+    motion = {key: pose for key, pose in given.motion.world_T_cam.items() if key[0] <= 6}
+    rules = {"max_views": 2, "views_from": "all"}
+    views = fuse_principals(inputs, {"d": CameraMotion(motion)}, [data], **rules)["a"]
+    models = dict.fromkeys("de", given.models["d"])
+    single = forecast_principals([data], models=models, **FAST)[0]
+    found = view_forecasts(data, views, single, models=models, **FAST)
+    assert found.without_views == second.sum()
+    for forecast in found.forecasts.values():
+        assert {name.split("-")[0] for name in forecast.objects.tolist()} == {"d"}
