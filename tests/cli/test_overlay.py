@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from commands import refused
 from graspcast.bop.results import read_results
 from graspcast.cli import main
 from graspcast.forecasting.verdict_file import write_verdicts
-from graspcast.rendering.drawing import GOOD
+from graspcast.rendering.drawing import GOOD, GUIDE
 from overlays import verdict_row, write_estimates, written
 
 
@@ -45,6 +46,22 @@ def test_the_verb_writes_a_sheet(world: Path, capsys: pytest.CaptureFixture[str]
     assert main(command(world, "--image", "1/3", "--objects", "made-5", "--size", "80")) == 0
     with Image.open(world / "o.png") as image:
         assert 80 <= image.width < 200
+
+
+def test_verdicts_of_fused_poses_are_drawn(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = read_results(world / "a_made-test.csv")
+    pose = table.cam_T_obj[0].copy()
+    pose[0, 3] += 0.05
+    where = [int(c[0]) for c in (table.scene_id, table.im_id, table.obj_id)]
+    row = replace(verdict_row(*where, probability=0.7, cam_T_obj=pose), principal="fused", views=3)
+    write_verdicts(world / "v.csv", [row])
+    image = ["--image", f"{where[0]}/{where[1]}", "--objects", str(where[2]), "--size", "80"]
+    assert main(command(world, *image, "--verdicts", str(world / "v.csv"))) == 0
+    with Image.open(world / "o.png") as drawn:
+        pixels = np.asarray(drawn)
+    left = (pixels.shape[1] - 80) // 2
+    assert written(pixels[:80, left : left + 80], GUIDE) > 20
+    assert written(pixels[80:], GOOD) > 10
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from scipy.spatial import Delaunay
 
 from graspcast.bop.meshes import Mesh
 from graspcast.pose.transforms import rotation_from_vector, transform, transform_points
+from graspcast.rendering.drawing import GUIDE
 from graspcast.rendering.overlay import draw_overlay
 
 SIDE = 128
@@ -124,3 +125,33 @@ def test_wild_estimates_are_drawn_as_far_as_they_are_seen() -> None:
         out = draw_overlay(image, K, mesh, colours, pose, near(z=0.6), size=64)
         assert out.shape == (64, 64, 3)
         assert (out[..., 0] > out[..., 1].astype(int) + 40).any() or np.linalg.norm(pose) < 2
+
+
+def test_a_guide_is_an_outline_around_its_pose() -> None:
+    (mesh, colours), image = cube(), noise()
+    est, guide = near(-0.02), near(0.02, 0.015)
+    out = draw_overlay(image, K, mesh, colours, est, guides=[guide], size=SIDE)
+    plain = draw_overlay(image, K, mesh, colours, est, size=SIDE)
+    changed = (out != plain).any(axis=2)
+    covered = inside(mesh, guide)
+    ring = binary_dilation(covered, iterations=3) & ~binary_erosion(covered, iterations=2)
+    assert changed.sum() > 200 and not (changed & ~ring).any()
+    parts = out.astype(int)
+    # Red and blue, as no pixel of the noise or of the estimate is.
+    magenta = (parts[..., [0, 2]] > parts[..., 1:2] + 62).all(axis=2)
+    outline = binary_dilation(covered) & ~covered
+    assert magenta[outline].mean() > 0.8
+    assert not magenta[~ring].any()
+    # The estimate keeps its own outline elsewhere.
+    green = parts[..., 1] > parts[..., [0, 2]].max(axis=2) + 50
+    own = binary_dilation(inside(mesh, est)) & ~inside(mesh, est) & ~ring
+    assert green[own].mean() > 0.8
+
+
+def test_the_picture_has_room_for_the_guide() -> None:
+    (mesh, colours), image = cube(), noise(480, 640)
+    intrinsics = np.array([[600.0, 0, 320], [0, 600.0, 240], [0, 0, 1]])
+    est, guide = near(0.0, z=1.2), near(0.15, z=1.2)
+    out = draw_overlay(image, intrinsics, mesh, colours, est, guides=[guide], size=200)
+    magenta = np.argwhere(np.abs(out.astype(int) - GUIDE).max(axis=2) < 60)
+    assert magenta[:, 1].max() > 170 and magenta[:, 1].max() < 198

@@ -16,12 +16,18 @@ from graspcast.cli.options import (
     positive,
     write_json,
 )
+from graspcast.cli.view_options import add_views, fusion_options, motions_of
+from graspcast.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
+    from graspcast.estimates.loading import Inputs
     from graspcast.evaluation.estimator_comparison import Comparison, SupporterComparison
     from graspcast.evaluation.paired_differences import PairedDifference
+    from graspcast.evaluation.principal_views import PrincipalViews, Seen
+    from graspcast.evaluation.view_worth import Gain, ViewWorth
+    from graspcast.forecasting.training_data import TrainingData
 
 __all__ = ["add"]
 
@@ -47,11 +53,19 @@ def add(verbs: Verbs) -> None:
         "all supporters, without each, and with each alone. No forecaster is trained on the scene\n"
         "of the instances that it forecasts. Differences have 95 % intervals from a bootstrap\n"
         "over scenes.\n\n"
-        "Forests are smaller than those of train and are not calibrated, to save time.",
+        "Forests are smaller than those of train and are not calibrated, to save time.\n\n"
+        "With camera poses of several images of a scene, it also says what a second view is worth\n"
+        "beside what a second estimator is worth.",
     )
     add_inputs(verb)
     verb.add_argument("--gripper", metavar="NAME", required=True, help="whose outcomes to use")
     add_outcomes(verb, required=True)
+    add_views(
+        verb,
+        views_from="all",
+        max_views="compare up to this many images an instance, its own included (default: 3)",
+        why="; with them, forecasts from several views are compared too (default: single views)",
+    )
     verb.add_argument(
         "--trees", metavar="N", type=positive, default=64, help="of each forest (default: 64)"
     )
@@ -93,6 +107,7 @@ def _compare(options: argparse.Namespace) -> None:
     training_data = principal_training_data(
         inputs, outcomes, options.gripper, with_truth=options.method == "blend"
     )
+    views = _views(options, inputs, training_data)
     note(*inputs.notes, *inputs.lengths)
     with progress_bar("cross-validating") as move:
         found = compare(
@@ -102,12 +117,33 @@ def _compare(options: argparse.Namespace) -> None:
             folds=options.folds,
             seed=options.seed,
             bootstrap=options.bootstrap,
+            views=views,
             progress=move,
         )
     text = recommendation(found)
     _print(found)
     print_text(f"{text}.")
     write_json(options.json, {"compare": {**found.as_dict(), "recommendation": text}})
+
+
+def _views(
+    options: argparse.Namespace, inputs: Inputs, training_data: Sequence[TrainingData]
+) -> dict[str, PrincipalViews] | None:
+    """Fuse the views of each principal's instances; None without camera poses."""
+    from graspcast.evaluation.principal_views import fuse_principals
+
+    if not (motions := motions_of(options, inputs)):
+        return None
+    if options.method == "direct":
+        raise InputError(
+            "the method direct does not forecast with several views; blend does",
+            parameters=("method", "camera_poses"),
+        )
+    rules = fusion_options(options)
+    with progress_bar("fusing views") as move:
+        return fuse_principals(
+            inputs, motions, training_data, max_views=options.max_views, progress=move, **rules
+        )
 
 
 def _print(found: Comparison) -> None:
@@ -130,6 +166,14 @@ def _print(found: Comparison) -> None:
                 f"improvement by {best} (AURC)",
             ],
             rows,
+        )
+    for worth in found.views.values():
+        _print_views(worth, found.gripper)
+    if found.views:
+        print_text(
+            "Further views: every grasp is guided by the principal's pose from one view, so only "
+            "the forecast changes; that a fused pose\nguides better is not counted. From one view "
+            "of one estimator there is no forecast.\n"
         )
     settings = found.settings
     print_text(
@@ -159,6 +203,53 @@ def _print_principal(found: SupporterComparison, gripper: str) -> None:
         [*header, "improvement by all (AURC)", "(AUROC)"],
         rows,
     )
+
+
+def _print_views(found: ViewWorth, gripper: str) -> None:
+    from graspcast.evaluation.paired_differences import FORECAST_MEASURES
+
+    first = (found.estimators, 1)
+    rows = []
+    for seen in sorted(found.scores, key=lambda seen: (seen[1], len(seen[0]))):
+        over = found.over_one_view[seen]
+        gains = ["-", "-"] if seen == first else [f"{over[k]:+}" for k in ("aurc", "auroc")]
+        rows.append([_told(seen, found), *_cells(found.scores[seen], FORECAST_MEASURES), *gains])
+    print_table(
+        f"{found.principal} as principal, {gripper} gripper, several views: {found.n} instances of "
+        f"{found.scenes} scenes, without {found.without_views} that have fewer views; success rate "
+        f"{found.success_rate:.3f} if all are attempted",
+        [
+            "forecast from",
+            *(_TITLES[name] for name in FORECAST_MEASURES),
+            "improvement on all, 1 view (AURC)",
+            "(AUROC)",
+        ],
+        rows,
+    )
+    each = (found.instead, found.others, found.further)
+    print_table(
+        f"{found.principal} as principal: further views beside further estimators",
+        ["forecast from", "compared with", "improvement (AURC)", "(AUROC)"],
+        [_gain_row(gain, found) for gains in each for gain in gains.values()],
+    )
+    if any(found.contradicted.values()):
+        counts = ", ".join(f"{n} of {v} views" for v, n in found.contradicted.items() if n)
+        print_text(
+            f"{found.principal} alone has no forecast where its views contradict each other "
+            f"({counts}): these are attempted last.\n"
+        )
+
+
+def _gain_row(gain: Gain, found: ViewWorth) -> list[str]:
+    sides = [_told(seen, found) for seen in (gain.better, gain.worse)]
+    return [*sides, *(f"{gain.improvement[name]:+}" for name in ("aurc", "auroc"))]
+
+
+def _told(seen: Seen, found: ViewWorth) -> str:
+    names, views = seen
+    who = " and ".join(names) if len(names) > 1 else f"{names[0]} alone"
+    who = "all" if names == found.estimators else who
+    return f"{who}, {views} view{'s' if views > 1 else ''}"
 
 
 def _rows(word: str, differences: Mapping[str, PairedDifference]) -> list[list[str]]:

@@ -33,7 +33,10 @@ def add(verbs: Verbs) -> None:
         "estimates drawn on the dataset's images",
         "Draw estimates on the images they were made from, the paper's Figure 1: the true pose\n"
         "solid where it is known, the estimate green; with errors and, if asked, verdicts.\n"
-        "A field for each object in each image; several estimators are side by side.",
+        "A field for each object in each image; several estimators are side by side.\n\n"
+        "Verdicts with several views are shown with the number of views. The pose that guides\n"
+        "the grasp, such as the fused one, is a further outline. Where the verdict is to look\n"
+        "again, an arrow points to the side to which the camera should go.",
     )
     add_inputs(verb, bop_required=True)
     verb.add_argument(
@@ -48,7 +51,8 @@ def add(verbs: Verbs) -> None:
         "--verdicts",
         metavar="FILE",
         type=Path,
-        help="what predict wrote; shown below the pictures of the principal's estimates",
+        help="what predict wrote; shown below the pictures of the principal's estimates, and those "
+        "by the fused pose below the first estimate of the instance",
     )
     verb.add_argument(
         "--size", metavar="PIXELS", type=field_size, default=320, help="of a field (default: 320)"

@@ -13,6 +13,8 @@ from graspcast.bop.models import Models
 from graspcast.errors import InputError
 from graspcast.estimates.instances import scene_groups
 from graspcast.evaluation.scores import Scores, score
+from graspcast.evaluation.view_protocols import forecast_views
+from graspcast.evaluation.view_sets import ViewSet
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.splits import by_group, by_object
 from graspcast.forecasting.train import fit_forecaster
@@ -21,7 +23,12 @@ from graspcast.forecasting.view_verdicts import view_probabilities
 from graspcast.io.arguments import a, checked
 from graspcast.io.progress import Progress, step_of
 
-__all__ = ["cross_validate", "cross_validated", "cross_validated_with_views"]
+__all__ = [
+    "cross_validate",
+    "cross_validated",
+    "cross_validated_by_views",
+    "cross_validated_with_views",
+]
 
 SCORED_VIEWS = 3
 """From at most how many views the instances are forecast that scores with views are of."""
@@ -112,6 +119,45 @@ def cross_validated_with_views(
         rows, found = _seen(forecaster, mine, models or {})
         several[test[rows]] = found
     return single, several
+
+
+def cross_validated_by_views(
+    training_data: TrainingData,
+    views: Mapping[int, ViewSet],
+    *,
+    folds: int = 5,
+    seed: int = 0,
+    progress: Progress | None = None,
+    **options: Any,
+) -> dict[int, Float[ndarray, " n"]]:
+    """Forecast each tried instance from each number of views, without its scene.
+
+    Parameters
+    ----------
+    training_data
+        With :attr:`TrainingData.views`.
+    views
+        Number of views at most to the fused poses of ``training_data.tried()``.
+    folds, seed, progress, options
+        As for :func:`cross_validated`.
+
+    Returns
+    -------
+        Number of views at most to out-of-fold probabilities of ``training_data.tried()``, guided by
+        the principal's single view; NaN where fewer than two views are left, or the object was not
+        in training.
+    """
+    tried = training_data.tried()
+    out = {most: np.full(len(tried), np.nan) for most in views}
+    for test, forecaster in _folds(
+        training_data, tried, by="scene", folds=folds, seed=seed, progress=progress, **options
+    ):
+        estimates = tried.estimates.select(test)
+        for most, found in views.items():
+            mine = found.select(test, len(tried))
+            given = (mine, estimates, training_data.principal, options.get("models") or {})
+            out[most][test[mine.data.row]] = forecast_views(forecaster, *given)
+    return out
 
 
 def _seen(

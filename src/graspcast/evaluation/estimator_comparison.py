@@ -8,7 +8,7 @@ was chosen before the data were seen; the other measures are given beside it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -31,10 +31,12 @@ from graspcast.evaluation.principal_forecasts import (
     common_rows,
     forecast_principals,
 )
+from graspcast.evaluation.principal_views import PrincipalViews, view_forecasts
+from graspcast.evaluation.view_worth import ViewWorth, worth_of_views
 from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.training_data import TrainingData
 from graspcast.io.arguments import a, checked, mapping, sequence
-from graspcast.io.progress import Progress
+from graspcast.io.progress import Progress, step_of
 
 __all__ = ["Comparison", "SupporterComparison", "compare"]
 
@@ -95,6 +97,8 @@ class Comparison:
         :data:`PRINCIPAL_MEASURES`.
     settings
         Of :func:`compare`.
+    views
+        By principal, what further views are worth; empty if only single views were compared.
     """
 
     gripper: str
@@ -105,6 +109,7 @@ class Comparison:
     common_scores: Mapping[str, Mapping[str, float]]
     improvement: Mapping[tuple[str, str], Mapping[str, Interval]]
     settings: Mapping[str, Any]
+    views: Mapping[str, ViewWorth] = field(default_factory=dict)
 
     @property
     def ranking(self) -> tuple[str, ...]:
@@ -133,10 +138,16 @@ class Comparison:
             },
             "settings": self.settings,
         }
+        if self.views:
+            out["views"] = {name: each.as_dict() for name, each in self.views.items()}
         return {name: _without_nan(value) for name, value in out.items()}
 
 
-@checked(training_data=sequence(a(TrainingData)), models=mapping(a(Models), "dataset"))
+@checked(
+    training_data=sequence(a(TrainingData)),
+    models=mapping(a(Models), "dataset"),
+    views=mapping(a(PrincipalViews), "principal"),
+)
 def compare(
     training_data: Sequence[TrainingData],
     *,
@@ -145,9 +156,10 @@ def compare(
     folds: int = 5,
     seed: int = 0,
     bootstrap: int = 1000,
+    views: Mapping[str, PrincipalViews] | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
-    """Compare principals, and sets of supporters of each.
+    """Compare principals, and sets of supporters of each; and, with views, further views.
 
     Without a supporter, forecasts lack its poses and the outcomes of grasps that it guided.
 
@@ -166,6 +178,9 @@ def compare(
         Of the folds and of the bootstrap.
     bootstrap
         Number of draws of scenes.
+    views
+        Of each principal (:func:`~graspcast.evaluation.principal_views.fuse_principals`); None
+        compares single views alone.
     progress
         Called with the share that is done, from 0 to 1, and a short message.
 
@@ -178,9 +193,19 @@ def compare(
         there are fewer scenes than folds.
     """
     _check(training_data, folds, bootstrap)
+    if views and (missing := [d.principal for d in training_data if d.principal not in views]):
+        raise MismatchError(f"there are fused views, but none of {', '.join(missing)}")
     forests = forests or ForestSettings(trees=64, folds=0, seed=seed)
     options: dict[str, Any] = {"models": models, "forests": forests, "folds": folds, "seed": seed}
-    candidates = forecast_principals(training_data, progress=progress, **options)
+    steps = 2 if views else 1
+    first = step_of(progress, 0, steps)
+    candidates = forecast_principals(training_data, progress=first, **options)
+    worth = {}
+    for i, data in enumerate(training_data if views else ()):
+        step = step_of(step_of(progress, 1, steps), i, len(training_data))
+        given = (data, (views or {})[data.principal], candidates[i])
+        found = view_forecasts(*given, progress=step, **options)
+        worth[data.principal] = worth_of_views(found, bootstrap, seed)
     common = common_rows(candidates)
     drawn: dict[str, ScoreDraws] = {}
     scenes = 0
@@ -212,6 +237,7 @@ def compare(
             "bootstrap": bootstrap,
             "forests": asdict(forests),
         },
+        views=worth,
     )
 
 

@@ -88,6 +88,8 @@ class PrincipalForecasts:
         By the supporters; the instances are the same.
     without_forecast
         Number of instances that were left out.
+    tried
+        Number of each instance among those of the principal that have outcomes, (n,).
     rows
         Dataset, scene, image and object to the row, where the image has one such instance only:
         with several, ``est_id`` 1 of two principals need not be the same instance.
@@ -97,6 +99,7 @@ class PrincipalForecasts:
     supporters: tuple[str, ...]
     forecasts: Mapping[tuple[str, ...], Forecasts]
     without_forecast: int
+    tried: Int[ndarray, " n"]
     rows: Mapping[tuple[str, int, int, int], int]
 
     @classmethod
@@ -147,6 +150,7 @@ class PrincipalForecasts:
             estimates.supporters(data.principal),
             forecasts,
             int((~forecast).sum()),
+            np.flatnonzero(forecast),
             {keys[row]: i for i, row in enumerate(rows) if keys[row] not in several},
         )
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from graspcast.evaluation.bootstrap import Interval
 from graspcast.evaluation.estimator_comparison import Comparison, SupporterComparison
 from graspcast.evaluation.paired_differences import CRITERION, PRINCIPAL_MEASURES
+from graspcast.evaluation.view_worth import ViewWorth
 
 __all__ = ["recommendation"]
 
 _ATTEMPT_RATES = ("50", "70", "90", "100")
+_ORDINAL = {2: "second", 3: "third"}
+_WORTH = {2: ("a second view", "a second estimator")}
 
 
 def recommendation(comparison: Comparison) -> str:
@@ -38,7 +42,10 @@ def recommendation(comparison: Comparison) -> str:
         parts += filter(None, (_where_better(comparison, name, best) for name in others))
     else:
         parts.append("no other principal has outcomes")
-    return "; ".join([*parts, *_supporters(comparison.principals[best], comparison.estimators)])
+    parts += _supporters(comparison.principals[best], comparison.estimators)
+    if best in comparison.views:
+        parts += _further_views(comparison.views[best])
+    return "; ".join(parts)
 
 
 def _where_better(comparison: Comparison, other: str, best: str) -> str:
@@ -68,3 +75,33 @@ def _supporters(found: SupporterComparison, estimators: tuple[str, ...]) -> list
         for kind, names in kinds.items()
         if names
     ]
+
+
+def _further_views(found: ViewWorth) -> list[str]:
+    """Return what further views are worth, beside further estimators and beside all of them."""
+    out = []
+    for views, gain in found.instead.items():
+        interval = gain.improvement[CRITERION]
+        which = _WORTH.get(views, (f"{views - 1} further views", f"{views - 1} further estimators"))
+        names = " and ".join(gain.worse[0][1:])
+        out.append(f"{_more(interval, *which)} ({names}): {interval:+}")
+    for views, gain in found.further.items():
+        interval, name = gain.improvement[CRITERION], _ORDINAL.get(views, f"{views}th")
+        improves = "improves" if interval.low > 0 else "does not significantly improve"
+        if interval.high < 0:
+            improves = "impairs"
+        out.append(f"with all estimators a {name} view {improves} the forecasts: {interval:+}")
+    return out
+
+
+def _more(interval: Interval, views: str, estimators: str) -> str:
+    """Return which of two is worth more, where the interval says so."""
+    if interval.low > 0:
+        return f"{views} {_is(views)} worth more than {estimators}"
+    if interval.high < 0:
+        return f"{estimators} {_is(estimators)} worth more than {views}"
+    return f"it is not decided whether {views} or {estimators} {_is(estimators)} worth more"
+
+
+def _is(what: str) -> str:
+    return "is" if what.startswith("a ") else "are"

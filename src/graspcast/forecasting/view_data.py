@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -17,7 +18,7 @@ from graspcast.views.choice import MIN_PARALLAX_RAD, ViewsFrom
 from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
 from graspcast.views.statistics import fusion_statistics
 
-__all__ = ["TRAINING_VIEWS", "ViewData", "fuse_for_training", "view_data"]
+__all__ = ["TRAINING_VIEWS", "ViewData", "fuse_by_views", "fuse_for_training", "view_data"]
 
 TRAINING_VIEWS = (1, 2, 3, 5)
 """How many views at most each training instance is fused from, once each.
@@ -155,28 +156,72 @@ def fuse_for_training(
         As :func:`~graspcast.views.fused_estimates.fuse_estimates`; if no instance has several.
     """
     noise = noise or CameraNoise()
-    fused: list[FusedEstimates] = []
+    fused = fuse_by_views(
+        inputs,
+        motions,
+        estimates.estimators,
+        principal,
+        TRAINING_VIEWS,
+        noise=noise,
+        views_from=views_from,
+        min_parallax_rad=min_parallax_rad,
+    )
+    rules = {
+        "noise_m": noise.translation_m,
+        "noise_rad": noise.rotation_rad,
+        "min_parallax_rad": float(min_parallax_rad),
+    }
+    return view_data(estimates, [part for _, part in fused], rules)
+
+
+def fuse_by_views(
+    inputs: Inputs,
+    motions: Mapping[str, CameraMotion],
+    estimators: Sequence[str],
+    principal: str,
+    counts: Sequence[int],
+    **rules: Any,
+) -> list[tuple[int, FusedEstimates]]:
+    """Fuse the principal's instances of every dataset with camera motion from so many views.
+
+    Parameters
+    ----------
+    inputs
+        All estimators' results; its notes get what is left out.
+    motions
+        Dataset's name to the camera motion of its scenes.
+    estimators, principal
+        Those to fuse, and whose instances.
+    counts
+        Numbers of views at most.
+    rules
+        Those of :func:`~graspcast.views.fused_estimates.fuse_estimates`: noise, and which views
+        serve.
+
+    Returns
+    -------
+        Number of views at most, and the fused poses of one dataset.
+
+    Raises
+    ------
+    InputError, MismatchError
+        As :func:`~graspcast.views.fused_estimates.fuse_estimates`.
+    """
+    out = []
     for dataset, motion in motions.items():
         if dataset not in inputs.results:
             raise InputError(f"there is camera motion of {dataset}, but there are no estimates")
-        tables = {name: inputs.results[dataset][name] for name in estimates.estimators}
-        for most in TRAINING_VIEWS:
+        tables = {name: inputs.results[dataset][name] for name in estimators}
+        for most in counts:
             part = fuse_estimates(
                 tables,
                 motion,
                 dataset=dataset,
                 principal=principal,
                 models=inputs.models,
-                noise=noise,
-                views_from=views_from,
                 max_views=most,
-                min_parallax_rad=min_parallax_rad,
+                **rules,
             )
-            fused.append(part)
+            out.append((most, part))
         inputs.notes.extend(text for text in part.notes if text not in inputs.notes)
-    rules = {
-        "noise_m": noise.translation_m,
-        "noise_rad": noise.rotation_rad,
-        "min_parallax_rad": float(min_parallax_rad),
-    }
-    return view_data(estimates, fused, rules)
+    return out

@@ -11,9 +11,23 @@ if TYPE_CHECKING:
     from PIL.Image import Image
     from PIL.ImageDraw import ImageDraw
 
-__all__ = ["BAD", "FAINT", "GOOD", "INK", "PAPER", "blank", "save_png", "width_of", "write"]
+__all__ = [
+    "BAD",
+    "FAINT",
+    "GOOD",
+    "GUIDE",
+    "INK",
+    "LOOK",
+    "PAPER",
+    "blank",
+    "save_png",
+    "width_of",
+    "write",
+]
 
 INK, FAINT, GOOD, BAD = (30, 32, 36), (120, 124, 130), (20, 120, 50), (176, 40, 36)
+LOOK, GUIDE = (186, 108, 0), (215, 0, 200)
+"""Of verdicts to look again, and of poses that guide the grasp beside the estimate."""
 PAPER = (255, 255, 255)
 
 

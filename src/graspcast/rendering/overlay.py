@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from graspcast.bop.meshes import Mesh
 from graspcast.pose.transforms import transform_points
+from graspcast.rendering.drawing import GUIDE
 from graspcast.rendering.rasterizer import Canvas
 
-__all__ = ["cut_square", "draw_overlay", "square_around"]
+__all__ = ["EDGE", "cut_square", "draw_outline", "draw_overlay", "square_around"]
 
+EDGE = (0, 230, 51)
+"""Of the estimate's outline, RGB."""
 _GREEN, _EDGE, _ALPHA = (0.12, 0.85, 0.30), (0.0, 0.9, 0.2), 0.45
 _MARGIN = 1.25
 _LEAST_PIXELS = 48.0
@@ -26,6 +31,7 @@ def draw_overlay(
     cam_T_est: Float[ndarray, "4 4"],
     cam_T_true: Float[ndarray, "4 4"] | None = None,
     *,
+    guides: Sequence[Float[ndarray, "4 4"]] = (),
     size: int = 320,
 ) -> UInt8[ndarray, "size size 3"]:
     """Draw poses of an object on a square crop of an image: the true one solid, the estimate green.
@@ -40,12 +46,17 @@ def draw_overlay(
         The estimated pose, drawn over everything, with an outline.
     cam_T_true
         The true pose, if it is known.
+    guides
+        Further poses, which guide grasps, each drawn as an outline alone.
     size
         Side length of the result, pixels.
     """
     poses = [cam_T_est] if cam_T_true is None else [cam_T_est, cam_T_true]
     seen = [transform_points(pose, mesh.vertices) for pose in poses]
-    left, top, side = square_around(np.concatenate(seen), K, image.shape[1], image.shape[0])
+    guided = [transform_points(pose, mesh.vertices) for pose in guides]
+    left, top, side = square_around(
+        np.concatenate([*seen, *guided]), K, image.shape[1], image.shape[0]
+    )
     scale = size / side
     # Intrinsics count from the centre of the first pixel, the window from its corner.
     zoomed = np.diag([scale, scale, 1.0]) @ K
@@ -57,13 +68,45 @@ def draw_overlay(
         picture = canvas.image()
     canvas = Canvas(zoomed, size, size, background=picture)
     canvas.draw(seen[0], mesh.faces, _GREEN, alpha=_ALPHA)
+    pixels = max(1, round(size / 160))
+    draw_outline(canvas, seen[0], mesh, _EDGE, pixels)
+    if not guided:
+        return canvas.image()
+    # On another canvas: on this one, what is translucent would cover the outlines.
+    canvas = Canvas(zoomed, size, size, background=canvas.image())
+    for points in guided:
+        draw_outline(canvas, points, mesh, [c / 255 for c in GUIDE], pixels)
+    return canvas.image()
+
+
+def draw_outline(
+    canvas: Canvas,
+    points: Float[ndarray, "v 3"],
+    mesh: Mesh,
+    colour: Sequence[float],
+    pixels: int,
+) -> None:
+    """Draw the outline of a mesh, so many pixels wide, around what it covers.
+
+    Parameters
+    ----------
+    canvas
+        Where to draw.
+    points
+        The vertices in the camera's frame, metres.
+    mesh
+        Its faces.
+    colour
+        RGB, 0 to 1.
+    pixels
+        Width of the outline.
+    """
     from scipy.ndimage import binary_dilation
 
-    inside = canvas.silhouette(seen[0], mesh.faces)
+    inside = canvas.silhouette(points, mesh.faces)
     if inside.any():
-        wide = canvas.supersample * max(1, round(size / 160))
-        canvas.colour[binary_dilation(inside, iterations=wide) & ~inside] = _EDGE
-    return canvas.image()
+        around = binary_dilation(inside, iterations=canvas.supersample * pixels)
+        canvas.colour[around & ~inside] = colour
 
 
 def square_around(

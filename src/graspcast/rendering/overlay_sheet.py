@@ -13,22 +13,60 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset, GroundTruth
 from graspcast.bop.meshes import Mesh, read_coloured_mesh
 from graspcast.bop.results import Results
-from graspcast.errors import FormatError, InputError, MismatchError
+from graspcast.errors import FormatError, InputError
 from graspcast.estimates.alignment import estimate_ids, partners, rows_in_image
 from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.matching import match
 from graspcast.forecasting.verdict import VerdictRow
+from graspcast.forecasting.view_verdicts import FUSED
 from graspcast.pose.metrics import rotation_error, translation_error
-from graspcast.rendering.drawing import BAD, FAINT, GOOD, INK, blank, width_of, write
-from graspcast.rendering.overlay import draw_overlay
+from graspcast.rendering.drawing import (
+    BAD,
+    FAINT,
+    GOOD,
+    GUIDE,
+    INK,
+    LOOK,
+    blank,
+    width_of,
+    write,
+)
+from graspcast.rendering.overlay import EDGE, draw_overlay
+from graspcast.rendering.overlay_verdicts import (
+    VerdictTable,
+    draw_arrow,
+    side_of,
+    with_several_views,
+)
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-__all__ = ["Overlay", "overlay_sheet", "overlays"]
+__all__ = ["DrawnGuide", "Overlay", "overlay_sheet", "overlays"]
 
 _COLUMNS = 4
 _SAME_POSE = 1e-6
+_LEGEND = (("estimate", EDGE), ("pose that guides the grasp", GUIDE))
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnGuide:
+    """A pose that guides a grasp, drawn as an outline.
+
+    Attributes
+    ----------
+    name
+        Whose it is.
+    cam_T_obj
+        The pose, metres.
+    rotation_deg, translation_mm
+        How far off it is, symmetries taken into account; None without a ground truth.
+    """
+
+    name: str
+    cam_T_obj: Float[ndarray, "4 4"]
+    rotation_deg: float | None = None
+    translation_mm: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +87,9 @@ class Overlay:
         How far off the estimate is, symmetries taken into account; None without a ground truth.
     verdicts
         What was decided on it, for each gripper.
+    guides
+        The poses that guide grasps of the instance by verdicts with several views, and are drawn
+        beside the estimate.
     """
 
     object: str
@@ -59,6 +100,7 @@ class Overlay:
     rotation_deg: float | None = None
     translation_mm: float | None = None
     verdicts: tuple[VerdictRow, ...] = ()
+    guides: tuple[DrawnGuide, ...] = ()
 
 
 def overlays(
@@ -83,7 +125,8 @@ def overlays(
     images
         (scene, image).
     verdicts
-        Each is shown with the estimate of its principal that it is about.
+        Each is shown with the estimate of its principal that it is about. By the fused pose, it is
+        shown with the first estimate of the instance, and the pose is drawn on all of them.
     size
         Pixels on a side of a picture.
 
@@ -107,9 +150,12 @@ def overlay_sheet(fields: Sequence[Overlay], *, estimators: int = 1, size: int =
     line = font + 5
     told = [_captions(field) for field in fields]
     widest = max(width_of(text, font) for captions in told for text, _ in captions)
+    legend = _LEGEND if any(field.guides for field in fields) else ()
+    widest = max([widest, *(width_of(text, font) + 2 * line for text, _ in legend)])
     width, height = max(size, int(widest) + 1), size + (max(map(len, told)) + 1) * line
     columns = min(estimators * max(1, _COLUMNS // estimators), len(fields))
-    sheet, draw = blank(columns * (width + gap) - gap, -(-len(fields) // columns) * height)
+    below = -(-len(fields) // columns) * height
+    sheet, draw = blank(columns * (width + gap) - gap, below + len(legend) * line)
     for k, (field, captions) in enumerate(zip(fields, told, strict=True)):
         middle, y = k % columns * (width + gap) + width // 2, k // columns * height
         x = middle - size // 2
@@ -121,6 +167,10 @@ def overlay_sheet(fields: Sequence[Overlay], *, estimators: int = 1, size: int =
         for number, (text, colour) in enumerate(captions):
             at = (middle, y + size + number * line + 3 * line // 5)
             write(draw, at, text, font, colour, "mm")
+    for number, (text, colour) in enumerate(legend):
+        y = below + number * line + line // 2
+        draw.rectangle((2, y - font // 3, line, y + font // 3), outline=colour, width=2)
+        write(draw, (line + 6, y), text, font, INK, "lm")
     return sheet
 
 
@@ -131,9 +181,25 @@ def _captions(field: Overlay) -> list[tuple[str, tuple[int, int, int]]]:
     for row in field.verdicts:
         given = row.verdict.probability
         told = "" if given is None else f", probability {given:.2f}"
-        colour = GOOD if row.verdict.attempt else BAD
+        look = row.verdict.look
+        several = f", {row.views} view{'s' if row.views > 1 else ''}"
+        colour = GOOD if row.verdict.attempt else BAD if look is None else LOOK
+        told += several if with_several_views(row) else ""
         out.append((f"{row.gripper}: {row.verdict}{told}", colour))
+        if look is not None:
+            side, _ = side_of(look, row.cam_T_obj)
+            expected = look.expected_probability
+            then = "" if expected is None else f", expected {expected:.2f}"
+            out.append((f"look from {np.degrees(look.angle_rad):.0f}° {side}{then}", LOOK))
+    out += [(_told(guide), GUIDE) for guide in field.guides if field.verdicts]
     return out
+
+
+def _told(guide: DrawnGuide) -> str:
+    name = "fused pose" if guide.name == FUSED else guide.name
+    if guide.rotation_deg is None or guide.translation_mm is None:
+        return f"guide: {name}"
+    return f"guide: {name}, {guide.rotation_deg:.1f}°, {guide.translation_mm:.1f} mm off"
 
 
 class _Drawing:
@@ -152,18 +218,7 @@ class _Drawing:
             None if self.truth is None else [match(table, self.truth) for table in results.values()]
         )
         self.est_ids = {name: estimate_ids(table) for name, table in results.items()}
-        self.verdicts: dict[tuple[str, InstanceKey], list[VerdictRow]] | None = None
-        if verdicts is not None:
-            self.verdicts = {}
-            for row in verdicts:
-                self.verdicts.setdefault((row.principal, row.key), []).append(row)
-            self.principals = {row.principal for row in verdicts}
-            if not self.principals & set(results):
-                raise MismatchError(
-                    f"the verdicts are on estimates by {', '.join(sorted(self.principals))}, but "
-                    f"the estimates are by {', '.join(results)}",
-                    parameters=("verdicts", "estimates"),
-                )
+        self.verdicts = None if verdicts is None else VerdictTable(verdicts, results)
         self._meshes: dict[int, tuple[Mesh, UInt8[ndarray, "v 3"]]] = {}
 
     def of(self, images: Sequence[tuple[int, int]]) -> list[Overlay]:
@@ -188,14 +243,39 @@ class _Drawing:
                     for table, rows in zip(tables, found, strict=True)
                 ]
                 anchor = next(k for k, rows in enumerate(mine) if rows)
-                for row in partners(mine, anchor, tables):
+                rows = list(partners(mine, anchor, tables))
+                for row, told in zip(rows, self._verdicts(image, obj_id, rows), strict=True):
                     out += [
-                        self._field(image, obj_id, number, chosen)
+                        self._field(image, obj_id, number, chosen, told)
                         for number, chosen in enumerate(row)
                     ]
         return out
 
-    def _field(self, image: tuple[int, int], obj_id: int, number: int, row: int | None) -> Overlay:
+    def _verdicts(
+        self, image: tuple[int, int], obj_id: int, rows: Sequence[Sequence[int | None]]
+    ) -> list[dict[str, tuple[VerdictRow, ...]]]:
+        """Return the verdicts on each instance of an object, by estimator."""
+        if self.verdicts is None:
+            return [{} for _ in rows]
+        keys: list[dict[str, InstanceKey]] = []
+        poses: list[dict[str, Float[ndarray, "4 4"]]] = []
+        for row in rows:
+            there = [(name, i) for name, i in zip(self.results, row, strict=True) if i is not None]
+            ids = {name: int(self.est_ids[name][i]) for name, i in there}
+            keys.append(
+                {n: InstanceKey(self.dataset.name, *image, obj_id, e) for n, e in ids.items()}
+            )
+            poses.append({name: self.results[name].cam_T_obj[i] for name, i in there})
+        return self.verdicts.of_instances(keys, poses)
+
+    def _field(
+        self,
+        image: tuple[int, int],
+        obj_id: int,
+        number: int,
+        row: int | None,
+        told: Mapping[str, tuple[VerdictRow, ...]],
+    ) -> Overlay:
         name, estimator = f"{self.dataset.name}-{obj_id}", list(self.results)[number]
         if row is None:
             return Overlay(name, *image, estimator, None)
@@ -206,18 +286,40 @@ class _Drawing:
             if true_row >= 0:
                 cam_T_true = self.truth.cam_T_obj[true_row]
                 rotation_deg, translation_mm = self._off(obj_id, cam_T_est, cam_T_true)
+        guides = self._guides(obj_id, told, cam_T_est, cam_T_true)
         pixels = draw_overlay(
             self.dataset.image(*image),
             self.dataset.camera_of(*image).K,
             *self._mesh(obj_id),
             cam_T_est,
             cam_T_true,
+            guides=[guide.cam_T_obj for guide in guides],
             size=self.size,
         )
-        est_id = int(self.est_ids[estimator][row])
-        key = InstanceKey(self.dataset.name, *image, obj_id, est_id)
-        verdicts = self._verdicts(estimator, key, cam_T_est)
-        return Overlay(name, *image, estimator, pixels, rotation_deg, translation_mm, verdicts)
+        verdicts = told.get(estimator, ())
+        for look, pose in ((row.verdict.look, row.cam_T_obj) for row in verdicts):
+            if look is not None:
+                pixels = draw_arrow(pixels, side_of(look, pose)[1])
+        off = (rotation_deg, translation_mm)
+        return Overlay(name, *image, estimator, pixels, *off, verdicts, tuple(guides))
+
+    def _guides(
+        self,
+        obj_id: int,
+        told: Mapping[str, tuple[VerdictRow, ...]],
+        cam_T_est: Float[ndarray, "4 4"],
+        cam_T_true: Float[ndarray, "4 4"] | None,
+    ) -> list[DrawnGuide]:
+        """Return the poses that guide by verdicts with several views, other than the estimate."""
+        found: list[DrawnGuide] = []
+        for row in (row for rows in told.values() for row in rows if row.views > 1):
+            drawn = [cam_T_est, *(guide.cam_T_obj for guide in found)]
+            if min(np.abs(row.cam_T_obj - pose).max() for pose in drawn) > _SAME_POSE:
+                off: tuple[float, float] | tuple[None, None] = (None, None)
+                if cam_T_true is not None:
+                    off = self._off(obj_id, row.cam_T_obj, cam_T_true)
+                found.append(DrawnGuide(row.principal, row.cam_T_obj, *off))
+        return found
 
     def _off(
         self, obj_id: int, cam_T_est: Float[ndarray, "4 4"], cam_T_true: Float[ndarray, "4 4"]
@@ -225,25 +327,6 @@ class _Drawing:
         pair = cam_T_est[None], cam_T_true[None]
         rotation = rotation_error(*pair, self.dataset.models[obj_id].symmetries)
         return float(np.degrees(rotation[0])), float(1000 * translation_error(*pair)[0])
-
-    def _verdicts(
-        self, estimator: str, key: InstanceKey, cam_T_est: Float[ndarray, "4 4"]
-    ) -> tuple[VerdictRow, ...]:
-        if self.verdicts is None or estimator not in self.principals:
-            return ()
-        rows = self.verdicts.get((estimator, key))
-        if not rows:
-            raise InputError(
-                f"no verdict on {key} by {estimator}: are the verdicts on these estimates?",
-                parameters=("verdicts",),
-            )
-        if any(np.abs(row.cam_T_obj - cam_T_est).max() > _SAME_POSE for row in rows):
-            raise MismatchError(
-                f"the verdict on {key} by {estimator} was on another pose than the one in "
-                f"{self.results[estimator].source}; give the estimates it is about",
-                parameters=("verdicts", "estimates"),
-            )
-        return tuple(rows)
 
     def _mesh(self, obj_id: int) -> tuple[Mesh, UInt8[ndarray, "v 3"]]:
         if obj_id not in self._meshes:

@@ -13,7 +13,7 @@ from numpy import ndarray
 from graspcast.bop.meshes import Mesh
 from graspcast.pose.transforms import transform_points
 from graspcast.rendering.drawing import FAINT, INK, blank, write
-from graspcast.rendering.overlay import cut_square, square_around
+from graspcast.rendering.overlay import cut_square, draw_outline, square_around
 from graspcast.rendering.rasterizer import Canvas
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def draw_side(
     zoomed[:2, 2] = scale * (side.K[:2, 2] + 0.5 - [left, top]) - 0.5
     canvas = Canvas(zoomed, size, size, background=cut_square(side.image, left, top, edge, size))
     for points, pose in zip(seen, poses, strict=True):
-        _outline(canvas, points, mesh, pose.colour)
+        draw_outline(canvas, points, mesh, [c / 255 for c in pose.colour], 2)
     picture = Pictures.fromarray(canvas.image()).resize((_FINER * size, _FINER * size))
     draw = ImageDraw.Draw(picture, "RGBA")
     for pose in poses:
@@ -124,17 +124,6 @@ def draw_side(
         draw.line([*corners, corners[0]], fill=(255, 255, 255, 255), width=3 * _FINER)
         draw.line([*corners, corners[0]], fill=(*pose.colour, 255), width=2 * _FINER)
     return np.asarray(picture.resize((size, size), Pictures.Resampling.BOX))
-
-
-def _outline(
-    canvas: Canvas, points: Float[ndarray, "v 3"], mesh: Mesh, colour: tuple[int, int, int]
-) -> None:
-    from scipy.ndimage import binary_dilation
-
-    inside = canvas.silhouette(points, mesh.faces)
-    if inside.any():
-        around = binary_dilation(inside, iterations=2 * canvas.supersample)
-        canvas.colour[around & ~inside] = np.array(colour) / 255
 
 
 def _in_image(
