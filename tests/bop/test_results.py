@@ -65,6 +65,20 @@ def test_columns_may_come_in_any_order(tmp_path: Path) -> None:
     assert (results.scene_id[0], results.im_id[0], results.obj_id[0]) == (1, 4, 7)
 
 
+def test_a_file_without_a_header_is_read_as_bop_reads_it(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "r.csv", ROW, header=ROW.replace("1,2,3", "1,4,3"))
+    results = read_results(path)
+    assert results.im_id.tolist() == [4, 2]
+    assert results.line.tolist() == [1, 2]
+
+
+def test_times_may_be_missing(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "r.csv", ROW.removesuffix(",-1"), header=",".join(COLUMNS[:-1]))
+    results = read_results(path)
+    assert results.time_s.tolist() == [-1.0]
+    assert (results.scene_id[0], results.obj_id[0]) == (1, 3)
+
+
 def test_several_detections_of_one_object_are_kept(tmp_path: Path) -> None:
     path = tmp_path / "r.csv"
     poses = random_poses(2)

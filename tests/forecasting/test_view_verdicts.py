@@ -147,3 +147,18 @@ def test_a_missing_estimate_is_no_obstacle_with_several_views(world: World) -> N
     alone = world.forecaster.judge(world.fused(1, c=c.select(c.im_id != 4)), world.models)
     said = {r.verdict.reason for r in alone if r.key.im_id == 4}
     assert said == {"no estimate by c; one view"}
+
+
+def test_an_object_that_nobody_knows_stops_no_verdict_on_others(world: World) -> None:
+    poses = seen(CAMERAS, objects(3, 500))  # object 3 is neither in training nor in the models
+    tables = {n: estimates_of(scattered(poses, 700 + k)) for k, n in enumerate(NAMES)}
+    for guide in ("fused", "best", "b"):
+        rows = world.forecaster.judge(
+            fused(tables, world.models, world.motion, 3), world.models, guide=guide, max_looks=3
+        )
+        said = {row.verdict.reason for row in rows if row.key.obj_id == 3}
+        assert said and all(
+            reason.startswith("the model was not trained for d-3") for reason in said
+        )
+        others = [row.verdict.probability for row in rows if row.key.obj_id < 3]
+        assert others and None not in others

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from graspcast.bop.results import read_results
 from graspcast.errors import FormatError, InputError
 from graspcast.paper.release import Imported, import_release
+from graspcast.views.camera_tables import read_camera_motion
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +59,17 @@ def test_ground_truth_equals_the_published_but_for_what_no_estimator_found(
     found = {"lmo": [], "ycbv": [("000050", im, 4) for im in ("681", "701", "722", "737")]}
     assert absent == found[name]
     assert {i.dataset: i.unseen for i in imported[1]}[name] == len(absent)
+
+
+def test_camera_motion_is_that_of_the_annotation_where_scenes_are_static(
+    imported: tuple[Path, list[Imported]], published: Path
+) -> None:
+    theirs = read_camera_motion(published / "ycbv" / "camera_motion").world_T_cam
+    ours = read_camera_motion(imported[0] / "ycbv" / "camera_motion").world_T_cam
+    assert ours.keys() == theirs.keys()
+    for image, world_T_cam in theirs.items():
+        assert_allclose(ours[image], world_T_cam, atol=1e-6)
+    assert not (imported[0] / "lmo" / "camera_motion").exists()
 
 
 def test_poses_are_those_of_the_arrays(

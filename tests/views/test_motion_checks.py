@@ -8,6 +8,7 @@ import pytest
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
 from graspcast.pose.transforms import invert
+from graspcast.views.camera_motion import CameraMotion
 from graspcast.views.motion_checks import check_looks, check_motion
 from static_scenes import estimates_of, motion_of, objects, orbit, scattered, seen
 
@@ -64,9 +65,72 @@ def test_some_moved_objects_and_gross_errors_are_no_contradiction() -> None:
 
 
 def test_too_little_to_compare_is_said() -> None:
+    one = {"a": estimates_of(POSES[:1])}
+    assert "no two images" in check_motion(one, motion_of(CAMERAS))
     few = {"a": estimates_of(POSES[:2])}
-    assert "not compared with the estimates" in check_motion(few, motion_of(CAMERAS))
-    assert "only 0 pairs" in check_motion(given(), motion_of(CAMERAS, scene_id=2))
+    assert "in 4 pairs of images alone" in check_motion(few, motion_of(CAMERAS))
+    moved = orbit(12, degrees=-35.0, radius_m=1.1)
+    assert "was an object moved" in check_motion(few, motion_of(moved))
+
+
+@pytest.mark.parametrize(
+    ("cameras", "says"),
+    [(scaled(1e3), "in millimetres instead of metres"), (invert(CAMERAS), "the other direction")],
+)
+def test_two_images_are_enough_to_find_a_wrong_unit_or_direction(
+    cameras: np.ndarray, says: str
+) -> None:
+    far = [0, 5]
+    with pytest.raises(MismatchError, match=says):
+        check_motion({"a": estimates_of(POSES[far])}, motion_of(cameras[far]))
+
+
+@pytest.mark.parametrize(("scene_id", "first"), [(2, 0), (1, 100)])
+def test_camera_poses_of_other_images_are_refused(scene_id: int, first: int) -> None:
+    motion = CameraMotion.of([scene_id] * 12, list(range(first, first + 12)), CAMERAS)
+    with pytest.raises(MismatchError, match=rf"image 1/0 and 11 others.* {scene_id}/{first} and"):
+        check_motion(given(), motion)
+
+
+@pytest.mark.parametrize(
+    ("cameras", "says"),
+    [
+        (scaled(1e-3), "objects in scene 2 differ .*in metres instead of millimetres"),
+        (invert(CAMERAS), "objects in scene 2 differ .*in the other direction"),
+    ],
+)
+def test_one_scene_in_another_unit_or_direction_is_named(cameras: np.ndarray, says: str) -> None:
+    scenes = [scattered(POSES, seed) for seed in range(3)]
+    tables = [estimates_of(poses, scene_id=i + 1) for i, poses in enumerate(scenes)]
+    motions = [CAMERAS, cameras, CAMERAS]
+    images = [(i + 1, j) for i in range(3) for j in range(12)]
+    motion = CameraMotion.of(*zip(*images, strict=True), np.concatenate(motions))
+    with pytest.raises(MismatchError, match=says):
+        check_motion({"a": joined(tables)}, motion)
+
+
+def joined(tables: list[Results]) -> Results:
+    names = ("scene_id", "im_id", "obj_id", "score", "cam_T_obj", "time_s", "line")
+    return Results(**{n: np.concatenate([getattr(t, n) for t in tables]) for n in names})
+
+
+@pytest.mark.parametrize("by_inverse", [False, True])
+def test_a_rotation_of_one_direction_with_the_position_of_the_other(by_inverse: bool) -> None:
+    cameras = invert(CAMERAS) if by_inverse else CAMERAS.copy()
+    cameras[:, :3, :3] = cameras[:, :3, :3].transpose(0, 2, 1)
+    with pytest.raises(MismatchError, match="each rotation transposed"):
+        check_motion(given(), motion_of(invert(cameras) if by_inverse else cameras))
+
+
+def test_instances_of_one_object_are_compared_too() -> None:
+    def same_objects(motion: CameraMotion) -> str:
+        return check_motion({"a": estimates_of(POSES, obj_ids=[1] * 4)}, motion)
+
+    assert same_objects(motion_of(CAMERAS)) == ""
+    with pytest.raises(MismatchError, match="in metres instead of millimetres"):
+        same_objects(motion_of(scaled(1e-3)))
+    with pytest.raises(MismatchError, match="in the other direction"):
+        same_objects(motion_of(invert(CAMERAS)))
 
 
 def test_a_camera_that_stands_still_contradicts_nothing() -> None:
@@ -84,3 +148,10 @@ def test_looks_are_compared_with_the_last_one() -> None:
     assert "no object is in another look" in check_looks(of_one, motion_of(CAMERAS), 1)
     other = orbit(12, degrees=-35.0, radius_m=1.1)
     assert "was an object moved" in check_looks(given(), motion_of(other), 11)
+
+
+def test_looks_at_instances_of_one_object_are_compared_too() -> None:
+    results = {"a": estimates_of(scattered(POSES, 1), obj_ids=[1] * 4)}
+    assert "one object in two looks" not in check_looks(results, motion_of(CAMERAS), 11)
+    with pytest.raises(MismatchError, match="in millimetres instead"):
+        check_looks(results, motion_of(scaled(1e3)), 11)

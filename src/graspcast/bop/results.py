@@ -247,8 +247,13 @@ def _csv_rows(path: Path) -> Iterator[tuple[int, tuple[str, ...] | None]]:
     try:
         with io.StringIO(read_text(path), newline="") as stream:
             reader = csv.reader(stream, strict=True)
-            header = [name.strip() for name in next(reader, [])]
-            missing = [name for name in COLUMNS if name not in header]
+            first = next(reader, [])
+            if _is_row(first):  # without a header, as BOP's own tools write and read them
+                header = list(COLUMNS)
+                yield reader.line_num, tuple(first)
+            else:
+                header = [name.strip() for name in first]
+            missing = [name for name in COLUMNS[:-1] if name not in header]
             if missing:
                 found = ", ".join(header) or "none"
                 raise FormatError(
@@ -257,12 +262,20 @@ def _csv_rows(path: Path) -> Iterator[tuple[int, tuple[str, ...] | None]]:
                     f"a results file is {','.join(COLUMNS)}",
                     where="line 1",
                 )
-            wanted = itemgetter(*(header.index(name) for name in COLUMNS))
+            unknown = () if "time" in header else ("-1",)
+            wanted = itemgetter(*(header.index(name) for name in COLUMNS if name in header))
             for fields in reader:
                 if fields:
-                    yield reader.line_num, wanted(fields) if len(fields) == len(header) else None
+                    whole = len(fields) == len(header)
+                    yield reader.line_num, (*wanted(fields), *unknown) if whole else None
     except csv.Error as error:
         raise FormatError(path, f"is not a CSV file ({error})") from error
+
+
+def _is_row(fields: list[str]) -> bool:
+    """Return whether this line is no header, but the first row of a file without one."""
+    whole = (field.strip().isdecimal() for field in fields[:3])
+    return len(fields) == len(COLUMNS) and all(whole)
 
 
 def _columns_of(frame: Any, source: str) -> dict[str, list[Any]]:

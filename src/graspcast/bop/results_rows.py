@@ -41,10 +41,9 @@ def _finite(cell: Any) -> float:
 
 
 def _duration(cell: Any) -> float:
-    value = _finite(cell)
-    if value < 0 and value != -1:
-        raise ValueError
-    return value
+    """Return seconds, or -1 for what is no duration: no verb depends on it."""
+    value = float(cell)
+    return value if isfinite(value) and value >= 0 else -1.0
 
 
 def _numbers(count: int) -> Callable[[Any], list[float]]:
@@ -65,7 +64,7 @@ _PARSERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "score": (_finite, "a finite number"),
     "R": (_numbers(9), "nine finite numbers, row by row, separated by spaces"),
     "t": (_numbers(3), "three finite numbers in millimetres, separated by spaces"),
-    "time": (_duration, "seconds, or -1 if unknown"),
+    "time": (_duration, "seconds; -1 or nan if unknown"),
 }
 
 

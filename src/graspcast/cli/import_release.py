@@ -22,7 +22,8 @@ def add(verbs: Verbs) -> None:
         _import_release,
         "convert the paper authors' release to BOP files",
         "Convert a checkout of the paper authors' repository to BOP results CSVs, ground truth,\n"
-        "outcomes and split, one directory per dataset. Poses are converted exactly.",
+        "outcomes and split, one directory per dataset. Poses are converted exactly. Where scenes\n"
+        "are static, the camera's motion is written too (camera_motion/).",
     )
     verb.add_argument("release", metavar="RELEASE_DIR", type=Path, help="the checkout")
     verb.add_argument(

@@ -19,6 +19,7 @@ from graspcast.estimates.instances import Instances
 from graspcast.forecasting.look_again import MIN_GAIN, looks_for
 from graspcast.forecasting.models.blend import Blend
 from graspcast.forecasting.models.design_matrix import nearest_to
+from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import Verdict, VerdictRow, check_threshold, decide
 from graspcast.io.arguments import a, checked
@@ -144,8 +145,15 @@ def view_probabilities(
     MismatchError
         If the forecaster was trained without views.
     """
-    near = nearest_to(cam_T_guide, cam_T_fused, instances.dataset, instances.obj_id, models)
     numbers = forecaster.card.numbers_of(instances.objects.tolist(), unseen=True)
+    if not (rows := numbers != UNSEEN).all():
+        # Of objects that are not in training there may be no model either.
+        some = np.full(len(rows), np.nan)
+        if rows.any():
+            mine = statistics[rows], cam_T_fused[rows], cam_T_guide[rows]
+            some[rows] = view_probabilities(forecaster, instances.select(rows), *mine, models)
+        return some
+    near = nearest_to(cam_T_guide, cam_T_fused, instances.dataset, instances.obj_id, models)
     assert isinstance(forecaster.predictor, Blend)
     return forecaster.predictor.view_probability(statistics, near, cam_T_guide, numbers)
 

@@ -4,7 +4,8 @@ A checkout of their repository holds, for each estimator, dataset and object, th
 poses (``pose_data_*.npz``, metres), an index of them (``*.txt``), and trial outcomes by one-based
 row number; and the 80-20 split of each principal, object and gripper. A true pose is given only
 together with an estimate. Of the few instances that no estimator found only the visibility is
-known: they are among the targets, but not in ``scene_gt.json``.
+known: they are among the targets, but not in ``scene_gt.json``. Where scenes are static, true poses
+also give the camera's motion.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from graspcast.io.arrays import read_arrays
 from graspcast.io.json import write_json
 from graspcast.io.reading import read_text
 from graspcast.io.tables import write_table
+from graspcast.paper.annotated_motion import camera_track
+from graspcast.pose.transforms import invert
 
 __all__ = ["Imported", "import_release", "read_add_differences", "read_release"]
 
@@ -274,6 +277,7 @@ def _write(out: Path, name: str, data: _Dataset) -> Imported:
     targets = [{"im_id": i, "inst_count": 1, "obj_id": o, "scene_id": s} for s, i, o in truth]
     write_json(folder / "targets_all_gt.json", targets, one_entry_a_line=True)
     _write_ground_truth(folder / "ground_truth", truth)
+    _write_camera_motion(folder / "camera_motion", truth)
     counts = {e: len(rows) for e, rows in sorted(data.estimates.items())}
     unseen = sum(instance.cam_T_gt is None for instance in truth.values())
     return Imported(name, counts, len(data.trials), len(truth), unseen)
@@ -311,3 +315,24 @@ def _write_ground_truth(folder: Path, truth: dict[Key, _Instance]) -> None:
         scene_folder = folder / f"{scene:06d}"
         write_json(scene_folder / "scene_gt.json", poses[scene], one_entry_a_line=True)
         write_json(scene_folder / "scene_gt_info.json", info[scene], one_entry_a_line=True)
+
+
+def _write_camera_motion(folder: Path, truth: dict[Key, _Instance]) -> None:
+    """Write ``scene_camera.json`` of all scenes, if all of them are static."""
+    scenes: dict[int, dict[int, dict[int, ndarray]]] = {}
+    for (scene, image, obj_id), instance in truth.items():
+        if instance.cam_T_gt is not None:
+            scenes.setdefault(scene, {}).setdefault(image, {})[obj_id] = instance.cam_T_gt
+    tracks = {scene: camera_track(images) for scene, images in scenes.items()}
+    for scene, track in tracks.items():
+        if track is None or None in tracks.values():
+            continue
+        cameras = {str(image): invert(world_T_cam) for image, world_T_cam in track.items()}
+        entries = {
+            image: {
+                "cam_R_w2c": cam_T_world[:3, :3].ravel().tolist(),
+                "cam_t_w2c": millimetres(cam_T_world[:3, 3]).tolist(),
+            }
+            for image, cam_T_world in cameras.items()
+        }
+        write_json(folder / f"{scene:06d}" / "scene_camera.json", entries, one_entry_a_line=True)

@@ -113,7 +113,7 @@ class CameraMotion:
     Raises
     ------
     InputError
-        Naming the image whose pose is not rigid, not finite or more than 10 km away.
+        Naming the image whose pose is not rigid, not finite or more than 10 km away on an axis.
     """
 
     world_T_cam: Mapping[tuple[int, int], Float[ndarray, "4 4"]]
@@ -250,8 +250,11 @@ def rigid(pose: Any) -> Float[ndarray, "4 4"]:
         raise ValueError(f"has the last row {row}, not 0 0 0 1{hint}")
     if problem := rotation_problem(matrix[:3, :3]):
         raise ValueError(problem)
-    if (distance := float(np.linalg.norm(matrix[:3, 3]))) > _FARTHEST_M:
-        raise ValueError(f"is {distance:g} m from the world's origin")
+    if (distance := float(np.abs(matrix[:3, 3]).max())) > _FARTHEST_M:
+        raise ValueError(
+            f"is {distance:g} m from the world's origin, and {_FARTHEST_M:g} m are allowed; if its "
+            "unit is right, subtract one offset from all positions of the scene"
+        )
     matrix[:3, :3] = project_to_rotation(matrix[:3, :3])
     matrix[3] = [0, 0, 0, 1]
     return matrix

@@ -113,6 +113,7 @@ def _from_table(path: Path) -> CameraMotion:
                 path,
                 f"image {scene_id}/{im_id} has a pose in line {first} already; keep one",
                 where=where,
+                parameters=("camera_poses",),
             )
         try:
             # The checks of a pose are those of CameraMotion.

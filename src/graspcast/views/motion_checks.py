@@ -7,7 +7,7 @@ makes them agree, the motion is of another scene, or the objects were moved.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -17,7 +17,7 @@ from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
 from graspcast.estimates.selection import listed
 from graspcast.pose.lengths import METRES, UNIT_NAMES, shown
-from graspcast.pose.transforms import compose, invert, transform_points
+from graspcast.pose.transforms import compose, invert
 from graspcast.views.camera_motion import CameraMotion
 
 __all__ = ["check_looks", "check_motion"]
@@ -45,27 +45,44 @@ def check_motion(results: Mapping[str, Results], motion: CameraMotion) -> str:
     Raises
     ------
     MismatchError
-        Naming the unit, direction or convention with which they would agree; or the scenes in which
-        nothing agrees.
+        If no image of the estimates has a camera pose; naming the unit, direction or convention
+        with which they would agree; or the scenes in which nothing agrees.
     """
+    _refuse_other_images(results, motion)
     pairs = list(_pairs(results, motion))
     if len(pairs) < _LEAST_PAIRS:
+        pairs += _pairs(results, motion, alone=False)
+    source = f"{motion.source}: "
+    if not pairs:
         return (
-            f"{motion.source}: not compared with the estimates, since only {len(pairs)} pairs of "
-            "images show the same object"
+            f"{source}not compared with the estimates, since no two images of a scene that have a "
+            "camera pose show the same object"
         )
     scene = np.array([pair[0] for pair in pairs])
-    a, b, t_a, t_b = (np.stack([pair[i] for pair in pairs]) for i in range(1, 5))
+    a, b, t_a, t_b = _stacked([pair[1:] for pair in pairs])
     given = _disagreement(a, b, t_a, t_b)
     now = float(np.median(given))
+    if len(pairs) < _LEAST_PAIRS:
+        return source + (
+            _contradiction(a, b, t_a, t_b, source=source, what="image")
+            or f"compared with the estimates in {_count(len(pairs), 'pair')} of images alone"
+        )
     if now > _SURELY:
-        source = f"{motion.source}: "
         _refuse_wrong_reading(a, b, t_a, t_b, least=_AGREE, source=source, what="image")
     wrong = [
         int(s)
         for s in np.unique(scene)
         if (scene == s).sum() >= _LEAST_PAIRS and np.median(given[scene == s]) > _DISAGREE
     ]
+    for s in wrong:
+        mine, where = scene == s, f" in scene {s}"
+        _refuse_wrong_reading(
+            *(x[mine] for x in (a, b, t_a, t_b)),
+            least=_AGREE,
+            source=source,
+            what="image",
+            where=where,
+        )
     if wrong or now > _DISAGREE:
         where = f"in scene {listed(wrong)} " if wrong else ""
         off = float(np.median(given[np.isin(scene, wrong)])) if wrong else now
@@ -103,53 +120,98 @@ def check_looks(results: Mapping[str, Results], motion: CameraMotion, im_id: int
         Naming the unit, direction or convention with which they would agree.
     """
     pairs = list(_pairs_with(results, motion, im_id))
+    pairs = pairs or list(_pairs_with(results, motion, im_id, alone=False))
     cameras = {image for _, image in motion.world_T_cam}
     if im_id not in cameras or len(cameras) == 1:
         return ""
     if not pairs:
         return "the camera poses could not be checked: no object is in another look too"
-    a, b, t_a, t_b = (np.stack([pair[i] for pair in pairs]) for i in range(1, 5))
-    now = float(np.median(_disagreement(a, b, t_a, t_b)))
-    if now > _DISAGREE:
-        _refuse_wrong_reading(a, b, t_a, t_b, least=_SURELY, source="", what="look")
-        far = float(np.median(np.linalg.norm(t_a, axis=1)))
-        return (
-            "the camera poses contradict the estimates: carried from look to look, positions of "
-            f"objects differ by a median of {shown(now * far)}; was an object moved, or are the "
-            "camera poses of another scene?"
-        )
+    a, b, t_a, t_b = _stacked([pair[1:] for pair in pairs])
+    if remark := _contradiction(a, b, t_a, t_b, source="", what="look"):
+        return remark
     if len({pair[0] for pair in pairs}) == 1:
         return "the camera poses were checked by one object in two looks alone"
     return ""
+
+
+def _refuse_other_images(results: Mapping[str, Results], motion: CameraMotion) -> None:
+    """Raise if no image of the estimates has a camera pose."""
+    images = sorted(
+        {
+            key
+            for table in results.values()
+            for key in zip(table.scene_id.tolist(), table.im_id.tolist(), strict=True)
+        }
+    )
+    if images and not any(key in motion.world_T_cam for key in images):
+        known = min(motion.world_T_cam, default=None)
+        raise MismatchError(
+            f"{motion.source}: no image of the estimates has a camera pose: the estimates are of "
+            f"image {_image(images[0])} and {len(images) - 1} others, the camera poses of image "
+            f"{_image(known)} and {len(motion) - 1} others (scene_id/im_id); are images numbered "
+            "otherwise?",
+            parameters=("camera_poses",),
+        )
+
+
+def _image(key: tuple[int, int] | None) -> str:
+    return "none" if key is None else f"{key[0]}/{key[1]}"
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+def _contradiction(
+    a: Float[ndarray, "m 4 4"],
+    b: Float[ndarray, "m 4 4"],
+    t_a: Float[ndarray, "m 3"],
+    t_b: Float[ndarray, "m k 3"],
+    *,
+    source: str,
+    what: str,
+) -> str:
+    """Return how a few pairs contradict the camera poses, or nothing; raise if read wrongly."""
+    now = float(np.median(_disagreement(a, b, t_a, t_b)))
+    if now <= _DISAGREE:
+        return ""
+    _refuse_wrong_reading(a, b, t_a, t_b, least=_SURELY, source=source, what=what)
+    far = float(np.median(np.linalg.norm(t_a, axis=1)))
+    return (
+        f"the camera poses contradict the estimates: carried from {what} to {what}, positions of "
+        f"objects differ by a median of {shown(now * far)}; was an object moved, or are the camera "
+        "poses of another scene?"
+    )
 
 
 def _refuse_wrong_reading(
     a: Float[ndarray, "m 4 4"],
     b: Float[ndarray, "m 4 4"],
     t_a: Float[ndarray, "m 3"],
-    t_b: Float[ndarray, "m 3"],
+    t_b: Float[ndarray, "m k 3"],
     *,
     least: float,
     source: str,
     what: str,
+    where: str = "",
 ) -> None:
     """Raise if another reading of the camera poses makes the positions agree."""
     now = float(np.median(_disagreement(a, b, t_a, t_b)))
-    found = {words: _disagreement(*read, t_a, t_b) for words, read in _readings(a, b)}
-    words = min(found, key=lambda w: float(np.median(found[w])))
-    best = float(np.median(found[words]))
+    best, words = min(
+        (float(np.median(_disagreement(*read, t_a, t_b))), words) for words, read in _readings(a, b)
+    )
     if best < least and best * _BETTER < now:
         far = float(np.median(np.linalg.norm(t_a, axis=1)))
         raise MismatchError(
             f"{source}the camera poses contradict the estimates: carried from {what} to {what}, "
-            f"positions of objects differ by a median of {shown(now * far)}; {words}, it would be "
-            f"{shown(best * far)}",
+            f"positions of objects{where} differ by a median of {shown(now * far)}; {words}, it "
+            f"would be {shown(best * far)}",
             parameters=("camera_poses", "world_T_cam"),
         )
 
 
 def _pairs_with(
-    results: Mapping[str, Results], motion: CameraMotion, im_id: int
+    results: Mapping[str, Results], motion: CameraMotion, im_id: int, *, alone: bool = True
 ) -> Iterator[tuple[tuple[int, int], ndarray, ndarray, ndarray, ndarray]]:
     """Yield object and image, and what :func:`_pairs` does, of every other image with this one."""
     cameras = {image: pose for (_, image), pose in motion.world_T_cam.items()}
@@ -161,55 +223,72 @@ def _pairs_with(
             rows.setdefault(key, []).append(row)
         for (obj_id, other), there in rows.items():
             here = rows.get((obj_id, im_id), [])
-            if other != im_id and other in cameras and len(there) == len(here) == 1:
-                t_here, t_there = (table.cam_T_obj[i, :3, 3] for i in (here[0], there[0]))
-                yield (obj_id, other), cameras[im_id], cameras[other], t_here, t_there
+            if other == im_id or other not in cameras or (alone and len(there) + len(here) != 2):
+                continue
+            for row in here:
+                positions = table.cam_T_obj[row, :3, 3], table.cam_T_obj[there, :3, 3]
+                yield (obj_id, other), cameras[im_id], cameras[other], *positions
 
 
 def _pairs(
-    results: Mapping[str, Results], motion: CameraMotion
+    results: Mapping[str, Results], motion: CameraMotion, *, alone: bool = True
 ) -> Iterator[tuple[int, ndarray, ndarray, ndarray, ndarray]]:
-    """Yield scene, camera poses and positions of objects that are alone in their images."""
+    """Yield scene, both camera poses, an object's position in one, and its positions in the other.
+
+    Of objects that are alone in their images there is one position; of others, if these are asked
+    for, there is that of every instance.
+    """
     for name in sorted(results):
         table = results[name]
-        keys = np.stack([table.scene_id, table.obj_id, table.im_id], axis=1)
-        _, first, count = np.unique(keys, axis=0, return_index=True, return_counts=True)
-        images = {
-            key
-            for key in zip(table.scene_id.tolist(), table.im_id.tolist(), strict=True)
-            if key in motion.world_T_cam
-        }
-        groups: dict[tuple[int, int], list[int]] = {}
-        for row in first[count == 1].tolist():
-            scene_id, obj_id, im_id = keys[row].tolist()
-            if (scene_id, im_id) in images:
-                groups.setdefault((scene_id, obj_id), []).append(row)
-        for (scene_id, _), rows in groups.items():
+        groups: dict[tuple[int, int], dict[int, list[int]]] = {}
+        keys = zip(
+            table.scene_id.tolist(), table.obj_id.tolist(), table.im_id.tolist(), strict=True
+        )
+        for row, (scene_id, obj_id, im_id) in enumerate(keys):
+            if (scene_id, im_id) in motion.world_T_cam:
+                groups.setdefault((scene_id, obj_id), {}).setdefault(im_id, []).append(row)
+        for (scene_id, _), by_image in sorted(groups.items()):
+            images = [i for i in sorted(by_image) if (len(by_image[i]) == 1) or not alone]
+            if not alone and all(len(by_image[i]) == 1 for i in images):
+                continue
             # The widest gaps between images: the first half with the second.
-            half = len(rows) // 2
+            half = len(images) // 2
             step = max(1, half // _PAIRS_PER_GROUP)
             for i in range(0, half, step):
-                one, other = rows[i], rows[i + half]
-                yield (
-                    scene_id,
-                    motion.world_T_cam[scene_id, int(table.im_id[one])],
-                    motion.world_T_cam[scene_id, int(table.im_id[other])],
-                    table.cam_T_obj[one, :3, 3],
-                    table.cam_T_obj[other, :3, 3],
-                )
+                one, other = images[i], images[i + half]
+                for row in by_image[one]:
+                    yield (
+                        scene_id,
+                        motion.world_T_cam[scene_id, one],
+                        motion.world_T_cam[scene_id, other],
+                        table.cam_T_obj[row, :3, 3],
+                        table.cam_T_obj[by_image[other], :3, 3],
+                    )
+
+
+def _stacked(
+    pairs: Sequence[tuple[ndarray, ndarray, ndarray, ndarray]],
+) -> tuple[
+    Float[ndarray, "m 4 4"], Float[ndarray, "m 4 4"], Float[ndarray, "m 3"], Float[ndarray, "m k 3"]
+]:
+    """Return pairs as arrays; where an image has fewer instances, the first is repeated."""
+    a, b, t_a = (np.stack([pair[i] for pair in pairs]) for i in range(3))
+    most = max(len(pair[3]) for pair in pairs)
+    t_b = [np.concatenate([t, np.repeat(t[:1], most - len(t), axis=0)]) for _, _, _, t in pairs]
+    return a, b, t_a, np.stack(t_b)
 
 
 def _disagreement(
     a: Float[ndarray, "m 4 4"],
     b: Float[ndarray, "m 4 4"],
     t_a: Float[ndarray, "m 3"],
-    t_b: Float[ndarray, "m 3"],
+    t_b: Float[ndarray, "m k 3"],
 ) -> Float[ndarray, " m"]:
-    """Return the distance between both positions as a share of the object's distance."""
-    moved = transform_points(compose(invert(a), b), np.zeros((1, 3)))[:, 0] + np.einsum(
-        "nij,nj->ni", compose(invert(a), b)[:, :3, :3], t_b
-    )
-    return np.asarray(np.linalg.norm(moved - t_a, axis=1) / np.linalg.norm(t_a, axis=1))
+    """Return the distance to the nearest carried position as a share of the object's distance."""
+    a_T_b = compose(invert(a), b)
+    moved = np.einsum("nij,nkj->nki", a_T_b[:, :3, :3], t_b) + a_T_b[:, None, :3, 3]
+    nearest = np.linalg.norm(moved - t_a[:, None], axis=2).min(axis=1)
+    return np.asarray(nearest / np.linalg.norm(t_a, axis=1))
 
 
 def _readings(
@@ -241,6 +320,10 @@ def _readings(
                     " and ".join(filter(None, says)),
                     (_read(a, inverse, opengl, factor), _read(b, inverse, opengl, factor)),
                 )
+    # A rotation of one direction with the translation of the other.
+    words = "with each rotation transposed and translations as they are"
+    yield words, (_transposed(a), _transposed(b))
+    yield words, (invert(_transposed(invert(a))), invert(_transposed(invert(b))))
 
 
 def _read(
@@ -250,3 +333,9 @@ def _read(
     out[:, :3, 3] *= factor
     out = invert(out) if inverse else out
     return out @ _OPENGL if opengl else out
+
+
+def _transposed(pose: Float[ndarray, "m 4 4"]) -> Float[ndarray, "m 4 4"]:
+    out = pose.copy()
+    out[:, :3, :3] = pose[:, :3, :3].transpose(0, 2, 1)
+    return out
