@@ -11,6 +11,7 @@ from graspcast.cli.console import note
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:
+    from graspcast.estimates.alignment import Estimates
     from graspcast.estimates.loading import Inputs
     from graspcast.simulation.grippers.protocol import Gripper
     from graspcast.simulation.objects.types import GraspObject
@@ -19,6 +20,7 @@ __all__ = [
     "Verbs",
     "add_bop",
     "add_estimates",
+    "add_images",
     "add_inputs",
     "add_json",
     "add_ood_alpha",
@@ -30,6 +32,7 @@ __all__ = [
     "count",
     "field_size",
     "inputs_of",
+    "inputs_with_images",
     "maybe_named",
     "new_verb",
     "note_sizes",
@@ -139,6 +142,46 @@ def inputs_of(options: argparse.Namespace, *, every_object: bool = False) -> Inp
         scenes=sorted(set().union(*options.scenes)),
         lenient=options.lenient,
     )
+
+
+def add_images(verb: argparse.ArgumentParser) -> None:
+    """``--images``."""
+    verb.add_argument(
+        "--images",
+        action="store_true",
+        help="one estimator alone: also look how well its projected models fit the images in the "
+        "BOP directories (SCENE/rgb), about 10 ms an instance",
+    )
+
+
+def inputs_with_images(options: argparse.Namespace, *, used: bool = True) -> Inputs:
+    """Load what :func:`inputs_of` does, with image fit where ``--images`` asks for it.
+
+    Parameters
+    ----------
+    options
+        With those of :func:`add_inputs` and :func:`add_images`.
+    used
+        Whether the model can use images; if not, a note says so.
+    """
+    from dataclasses import replace
+
+    from graspcast.cli.console import progress_bar
+
+    inputs = inputs_of(options)
+    if not options.images:
+        return inputs
+    if not used:
+        note("--images makes no difference: no model was trained with one estimator and images")
+        return inputs
+
+    def with_fit(estimates: Estimates) -> Estimates:
+        from graspcast.rendering.image_fit import with_image_fit
+
+        with progress_bar("image fit") as move:
+            return with_image_fit(estimates, inputs.datasets, inputs.notes, progress=move)
+
+    return replace(inputs, image_fit=with_fit)
 
 
 _MOST_SCENES = 1_000_000

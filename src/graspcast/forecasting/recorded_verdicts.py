@@ -6,7 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from jaxtyping import Float
+from numpy import ndarray
+
 from graspcast.errors import MismatchError, UnknownNameError
+from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.fallbacks import Fallbacks, certificate_of
@@ -89,6 +93,8 @@ def judge_recorded(
 ) -> tuple[FusedEstimates, list[VerdictRow]]:
     """Fuse the instances of one dataset, and judge them; ``options`` are further ones of judge."""
     fused = fused_of(forecaster, inputs, dataset, motion, settings)
+    if forecaster.visibility is not None and forecaster.visibility.uses_image:
+        options["seen"] = _seen(inputs, fused)
     rows = forecaster.judge(
         fused,
         inputs.models,
@@ -100,6 +106,13 @@ def judge_recorded(
         **options,
     )
     return fused, rows
+
+
+def _seen(inputs: Inputs, fused: FusedEstimates) -> dict[str, Float[ndarray, " n"]]:
+    """Return score and image fit of a single estimator's estimates in the judged images."""
+    poses, seen = fused.gathered.view_T_obj[:, 0].swapaxes(0, 1), {"score": fused.gathered.score.T}
+    one = Estimates(fused.estimators, fused.instances, poses, seen=seen)
+    return {name: values[0] for name, values in inputs.with_image_fit(one).seen.items()}
 
 
 def verdicts_with_views(
