@@ -96,8 +96,8 @@ def cross_validated_with_views(
     Returns
     -------
         Out-of-fold probabilities of ``training_data.tried()`` from one view (NaN where there is no
-        forecast from one), and from two or three (NaN where there are no other views); each guided by the
-        principal's single view.
+        forecast from one), and from two or three (NaN where there are no other views); each guided
+        by the principal's single view.
     """
     tried = training_data.tried()
     single, several = np.full(len(tried), np.nan), np.full(len(tried), np.nan)

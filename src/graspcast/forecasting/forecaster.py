@@ -69,8 +69,9 @@ class Forecaster:
 
     def __repr__(self) -> str:
         card = self.card
+        together = f"with {', '.join(card.supporters)}" if card.supporters else "alone"
         return (
-            f"Forecaster({card.method}: {card.principal} with {', '.join(card.supporters)}; "
+            f"Forecaster({card.method}: {card.principal} {together}; "
             f"{card.gripper} gripper, {len(card.objects)} objects, {card.samples} samples)"
         )
 

@@ -18,7 +18,7 @@ from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.look_again import MIN_GAIN
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import VerdictRow
-from graspcast.forecasting.view_verdicts import BEST, FUSED
+from graspcast.forecasting.view_verdicts import BEST, FUSED, MOVED
 from graspcast.guarantees.certificate import Certificate
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.choice import MIN_PARALLAX_RAD, ViewsFrom
@@ -169,6 +169,8 @@ def verdicts_with_views(
             options = {"threshold": least, "guarantee": guarantee, "ood_alpha": ood_alpha}
             fused, rows = judge_recorded(forecaster, inputs, dataset, motion, settings, **options)
             for key, row in zip(fused.instances.to_keys(), rows, strict=True):
-                if key not in out or out[key].verdict.probability is None:
+                before = out[key].verdict if key in out else None
+                # That other views contradict the image holds, whoever is asked next.
+                if before is None or (before.probability is None and MOVED not in before.reason):
                     out[key] = row
     return [out[key] for key in sorted(out)]

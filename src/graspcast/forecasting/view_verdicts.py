@@ -30,7 +30,7 @@ from graspcast.views.statistics import fusion_statistics
 if TYPE_CHECKING:
     from graspcast.forecasting.forecaster import Forecaster
 
-__all__ = ["BEST", "FUSED", "judge", "view_probabilities"]
+__all__ = ["BEST", "FUSED", "MOVED", "judge", "view_probabilities"]
 
 FUSED = "fused"
 """The guide that is no estimator: the fused pose."""
@@ -39,6 +39,7 @@ BEST = "best"
 MOVED = (
     "the other views contradict the judged image: its estimates are wrong, or the object was moved"
 )
+"""Why nothing is forecast where the judged image's estimates were dropped."""
 
 
 @checked(fused=a(FusedEstimates), guide=a(str, type(None), words="a name, or None"))
