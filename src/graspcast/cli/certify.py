@@ -41,9 +41,9 @@ def add(verbs: Verbs) -> None:
         "within one need not be.",
     )
     add_inputs(verb)
+    add_images(verb)
     verb.add_argument("--model", metavar="PATH", type=Path, required=True, help="from train")
     add_outcomes(verb, required=True)
-    add_images(verb)
     _add_guarantee_options(verb)
     verb.add_argument("--seed", metavar="N", type=int, default=0, help="of the draws")
     verb.add_argument(

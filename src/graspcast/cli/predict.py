@@ -36,6 +36,7 @@ def add(verbs: Verbs) -> None:
         "unless a further model was trained without it.",
     )
     add_inputs(verb)
+    add_images(verb)
     verb.add_argument(
         "--model",
         metavar="PATH",
@@ -69,7 +70,6 @@ def add(verbs: Verbs) -> None:
         action="store_true",
         help="say in each reason which features moved the probability most",
     )
-    add_images(verb)
     _add_view_options(verb)
     add_out(verb, "the verdicts' CSV")
 

@@ -42,6 +42,7 @@ def add(verbs: Verbs) -> None:
         "weaker; with camera poses, by several views.",
     )
     add_inputs(verb)
+    add_images(verb)
     verb.add_argument(
         "--principal", metavar="NAME", required=True, help="estimator that guides the grasp"
     )
@@ -69,7 +70,6 @@ def add(verbs: Verbs) -> None:
         views_from="all",
         why="; with them, the model also forecasts with several views",
     )
-    add_images(verb)
     _add_forest_options(verb)
     _add_network_options(verb)
     verb.add_argument("--seed", metavar="N", type=int, default=0, help="of everything random")

@@ -6,11 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from jaxtyping import Float
-from numpy import ndarray
-
 from graspcast.errors import MismatchError, UnknownNameError
-from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.fallbacks import Fallbacks, certificate_of
@@ -18,7 +14,8 @@ from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.look_again import MIN_GAIN
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import VerdictRow
-from graspcast.forecasting.view_verdicts import BEST, FUSED, MOVED
+from graspcast.forecasting.view_verdicts import BEST, FUSED
+from graspcast.forecasting.visibility_features import seen_in_images
 from graspcast.guarantees.certificate import Certificate
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.choice import MIN_PARALLAX_RAD, ViewsFrom
@@ -94,7 +91,7 @@ def judge_recorded(
     """Fuse the instances of one dataset, and judge them; ``options`` are further ones of judge."""
     fused = fused_of(forecaster, inputs, dataset, motion, settings)
     if forecaster.visibility is not None and forecaster.visibility.uses_image:
-        options["seen"] = _seen(inputs, fused)
+        options["seen"] = seen_in_images(inputs, fused)
     rows = forecaster.judge(
         fused,
         inputs.models,
@@ -106,13 +103,6 @@ def judge_recorded(
         **options,
     )
     return fused, rows
-
-
-def _seen(inputs: Inputs, fused: FusedEstimates) -> dict[str, Float[ndarray, " n"]]:
-    """Return score and image fit of a single estimator's estimates in the judged images."""
-    poses, seen = fused.gathered.view_T_obj[:, 0].swapaxes(0, 1), {"score": fused.gathered.score.T}
-    one = Estimates(fused.estimators, fused.instances, poses, seen=seen)
-    return {name: values[0] for name, values in inputs.with_image_fit(one).seen.items()}
 
 
 def verdicts_with_views(
@@ -169,8 +159,6 @@ def verdicts_with_views(
             options = {"threshold": least, "guarantee": guarantee, "ood_alpha": ood_alpha}
             fused, rows = judge_recorded(forecaster, inputs, dataset, motion, settings, **options)
             for key, row in zip(fused.instances.to_keys(), rows, strict=True):
-                before = out[key].verdict if key in out else None
-                # That other views contradict the image holds, whoever is asked next.
-                if before is None or (before.probability is None and MOVED not in before.reason):
+                if key not in out or out[key].verdict.probability is None:
                     out[key] = row
     return [out[key] for key in sorted(out)]

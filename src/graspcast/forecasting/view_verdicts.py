@@ -30,7 +30,7 @@ from graspcast.views.statistics import fusion_statistics
 if TYPE_CHECKING:
     from graspcast.forecasting.forecaster import Forecaster
 
-__all__ = ["BEST", "FUSED", "MOVED", "judge", "view_probabilities"]
+__all__ = ["BEST", "FUSED", "judge", "view_probabilities"]
 
 FUSED = "fused"
 """The guide that is no estimator: the fused pose."""

@@ -13,15 +13,18 @@ from numpy import ndarray
 
 from graspcast.errors import InputError
 from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.features import Features
 from graspcast.io.arguments import number, refuse_unless
 from graspcast.pose.transforms import norms
+from graspcast.views.fused_estimates import FusedEstimates
 
 __all__ = [
     "POSE_COLUMNS",
     "SCORE_COLUMN",
     "features_of_one",
     "median_row",
+    "seen_in_images",
     "seen_of",
     "visibility_features",
 ]
@@ -106,6 +109,13 @@ def seen_of(score: float | None, image_fit: Features | None) -> dict[str, Float[
             )
         out |= {n: image_fit.values[:, [i]] for i, n in enumerate(image_fit.names)}
     return out
+
+
+def seen_in_images(inputs: Inputs, fused: FusedEstimates) -> dict[str, Float[ndarray, " n"]]:
+    """Return score and image fit of a single estimator's estimates in the judged images."""
+    poses, seen = fused.gathered.view_T_obj[:, 0].swapaxes(0, 1), {"score": fused.gathered.score.T}
+    one = Estimates(fused.estimators, fused.instances, poses, seen=seen)
+    return {name: values[0] for name, values in inputs.with_image_fit(one).seen.items()}
 
 
 def median_row(values: Float[ndarray, "n d"]) -> Float[ndarray, " d"]:
