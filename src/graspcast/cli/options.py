@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,8 @@ from graspcast.cli.console import note
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:
+    from numpy import ndarray
+
     from graspcast.estimates.alignment import Estimates
     from graspcast.estimates.loading import Inputs
     from graspcast.simulation.grippers.protocol import Gripper
@@ -175,11 +177,18 @@ def inputs_with_images(options: argparse.Namespace, *, used: bool = True) -> Inp
         note("--images makes no difference: no model was trained with one estimator and images")
         return inputs
 
+    found: dict[str, Mapping[str, ndarray]] = {}
+
     def with_fit(estimates: Estimates) -> Estimates:
+        from graspcast.forecasting.model_card import digest_of
         from graspcast.rendering.image_fit import with_image_fit
 
-        with progress_bar("image fit") as move:
-            return with_image_fit(estimates, inputs.datasets, inputs.notes, progress=move)
+        # Verdicts after each look ask for the same poses again.
+        if (which := digest_of(estimates)) not in found:
+            with progress_bar("image fit") as move:
+                fitted = with_image_fit(estimates, inputs.datasets, inputs.notes, progress=move)
+            found[which] = fitted.seen
+        return replace(estimates, seen={**found[which], **estimates.seen})
 
     return replace(inputs, image_fit=with_fit)
 

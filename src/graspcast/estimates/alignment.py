@@ -239,7 +239,7 @@ def align(
     required: bool = True,
     models: Mapping[str, Models] | None = None,
 ) -> Estimates:
-    """Align K >= 2 estimators' results of one dataset.
+    """Align K >= 1 estimators' results of one dataset.
 
     A pose that cannot be (:mod:`graspcast.pose.sanity`) is no estimate; :attr:`Estimates.refused`
     counts them.
