@@ -173,7 +173,7 @@ def test_what_cannot_be_is_told(
 ) -> None:
     out = tmp_path / "x.npz"
     command = world.train_command(root, out)
-    for method in ("threshold", "MLP-O"):
+    for method in ("threshold", "MLP-O", "two-stage"):
         said = refused([*command, "--method", method], capsys)
         assert f"the method {method} takes at least two estimators" in said
     said = refused([*command, "--folds", "0", "--unseen-objects"], capsys)

@@ -239,7 +239,7 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
         simulated = SimulatedTrials.read(options.simulated, options.gripper)
     truth = None
     motions = motions_of(options, inputs)
-    if options.method == "two-stage" or (options.method == "blend" and (several or motions)):
+    if options.method in ("blend", "two-stage") and (several or motions):
         truth = inputs.truth(estimates, options.principal)
     data = TrainingData.join(
         estimates, outcomes, options.principal, options.gripper, truth=truth, simulated=simulated

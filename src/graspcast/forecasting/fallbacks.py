@@ -55,7 +55,7 @@ class Fallbacks:
                     f"for one of {first.principal} and the {first.gripper} gripper"
                 )
             if (supporters := frozenset(card.supporters)) in sets:
-                raise InputError(f"two models are for the supporters {_named(card)}")
+                raise InputError(f"two models are for {card.principal} with {_named(card)}")
             sets.add(supporters)
 
     def __iter__(self) -> Iterator[Forecaster]:

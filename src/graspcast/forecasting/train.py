@@ -341,15 +341,15 @@ def _scope(data: TrainingData, method: str) -> _Scope:
     InputError
         If that is too little.
     """
+    from_forests = method in _FORESTS
+    if data.views is None or not from_forests:
+        check_alone(data, method)
     if not data.has_truth.any() and (method == "two-stage" or data.simulated is not None):
         raise InputError(
             "the method two-stage, and simulated trials with any method, need ground truth, but no "
             "instance has a known true pose",
             parameters=("ground_truth", "bop", "method", "simulated"),
         )
-    from_forests = method in _FORESTS
-    if data.views is None or not from_forests:
-        check_alone(data, method)
     simulated: set[str] = set()
     if from_forests and data.simulated is not None:
         simulated = set(data.simulated.objects.tolist())
