@@ -23,10 +23,8 @@ from numpy import ndarray
 from sklearn.ensemble import ExtraTreesClassifier
 
 from graspcast.bop.dataset import BopDataset
-from graspcast.bop.results import read_results
 from graspcast.estimates.instances import scene_groups, unit_names
 from graspcast.estimates.matching import true_poses
-from graspcast.estimates.scores import scores_of
 from graspcast.evaluation.bootstrap import Interval, ResampledScores, original_and_draws
 from graspcast.evaluation.predictions import Forecasts
 from graspcast.evaluation.scores import calibration_error
@@ -70,14 +68,13 @@ class Data:
         photographs = {DATASET: BopDataset(directory / "bop" / DATASET, name=DATASET)}
         self.rows: dict[str, Features] = {}
         for name in self.estimates.estimators:
-            results = {DATASET: read_results(published.results_path(name, DATASET))}
             start = perf_counter()
             poses = self.estimates.of(name)
             fit = fit_of_instances(self.estimates.instances, poses, photographs)
             took = (perf_counter() - start) / len(poses) * 1e3
             lacking = sum(map(bool, fit.problems))
             print(f"{name}: image fit {took:.1f} ms an instance, {lacking} without", flush=True)
-            score = scores_of(self.estimates, name, results)
+            score = self.estimates.seen["score"][self.estimates.index(name)]
             self.rows[name] = visibility_features(poses, score, fit.features)
 
 

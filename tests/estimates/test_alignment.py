@@ -185,3 +185,27 @@ def test_an_estimator_of_another_convention_is_named() -> None:
     with pytest.raises(MismatchError, match=r"estimates by c agree .* transposed"):
         align(tables, dataset="d")
     assert len(align(tables, dataset="d", required=False)) == 12
+
+
+def test_every_estimator_s_scores_go_with_its_poses() -> None:
+    poses, score = random_poses(6), np.linspace(0.1, 0.9, 6)
+    a = dataclasses.replace(results_of(poses), score=score)
+    b = dataclasses.replace(results_of(nudged(poses, 1)), score=1 - score)
+    shuffled = a.select(np.random.default_rng(0).permutation(6))
+    both = align({"a": shuffled, "b": b}, dataset="d")
+    assert_array_equal(both.seen["score"], [score, 1 - score])
+    assert_array_equal(both.only("b").seen["score"], [1 - score])
+    assert_array_equal(both.select(np.array([4, 1])).seen["score"][0], score[[4, 1]])
+    twice = concatenate([both, dataclasses.replace(both, seen={**both.seen, "f": score[None]})])
+    assert list(twice.seen) == ["score"]
+    assert_array_equal(twice.seen["score"][0], np.tile(score, 2))
+
+
+def test_a_row_left_out_for_its_pose_does_not_shift_the_scores_of_others() -> None:
+    poses = random_poses(3)
+    poses[0, 2, 3] = -1.0  # behind the camera, with the highest score
+    one = np.zeros(3, np.int64)
+    a = dataclasses.replace(results_of(poses), im_id=one, score=np.array([0.9, 0.5, 0.1]))
+    found = align({"a": a}, dataset="d")
+    assert found.est_id.tolist() == [0, 1]
+    assert found.seen["score"].tolist() == [[0.5, 0.1]]

@@ -9,10 +9,12 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+import one_estimator
 import synthetic
 from graspcast.errors import InputError, MismatchError
 from graspcast.forecasting.fallbacks import Fallbacks
 from graspcast.forecasting.forecaster import Forecaster
+from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
 from graspcast.forecasting.train import train_forecaster
@@ -107,10 +109,31 @@ def test_what_is_missing_is_named_and_nothing_is_guessed(
 def test_models_that_cannot_stand_in_for_one_another(forecasters: dict[str, Forecaster]) -> None:
     with pytest.raises(InputError, match="at least one model is needed"):
         Fallbacks([])
-    with pytest.raises(InputError, match=r"two models are for the supporters b, c"):
+    with pytest.raises(InputError, match=r"two models are for a with b, c"):
         Fallbacks([forecasters["abc"], forecaster_of("a", "c", "b")])
     other = forecaster_of("a", "b", gripper="hand")
     with pytest.raises(MismatchError, match="for a and the hand gripper cannot stand in for one"):
         Fallbacks([forecasters["abc"], other])
     with pytest.raises(MismatchError, match="a model for b and the parallel gripper"):
         Fallbacks([forecasters["abc"], forecaster_of("a", "b", principal="b")])
+
+
+def test_the_principal_alone_stands_in_if_it_was_trained(
+    forecasters: dict[str, Forecaster],
+) -> None:
+    data = one_estimator.seen().data
+    alone = replace(data, gripper=forecasters["ab"].card.gripper)
+    with pytest.warns(match="one estimator"):
+        single = train_forecaster(alone, forests=ForestSettings(trees=8, folds=0))
+    models = Fallbacks([single, forecasters["abc"]])
+    poses = instance()
+    assert [len(model.card.supporters) for model in models] == [2, 0]
+    expected = single.predict({"a": poses["a"]}, "d-1", score=0.5)
+    for others in ({}, {"b": None, "c": poses["c"]}):
+        found = models.predict({"a": poses["a"], **others}, "d-1", score=0.5)
+        assert found.probability == expected.probability
+        assert "one view of one estimator" in found.reason
+    together = models.predict({name: poses[name] for name in "abc"}, "d-1")
+    assert "one estimator" not in together.reason
+    with pytest.raises(InputError, match="two models are for a with no supporter"):
+        Fallbacks([single, single])

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
+from graspcast.errors import InputError
+from graspcast.estimates.alignment import align
 from graspcast.forecasting.features import Features
 from graspcast.forecasting.visibility_features import (
     POSE_COLUMNS,
     SCORE_COLUMN,
-    typical_row,
+    features_of_one,
+    median_row,
+    seen_of,
     visibility_features,
 )
 from graspcast.pose.transforms import rotation_from_vector, transform
-from poses import random_poses
+from poses import random_poses, results_of
 
 
 def test_the_columns_say_from_where_the_object_is_seen() -> None:
@@ -45,6 +52,34 @@ def test_what_is_not_known_is_nan_and_image_fit_comes_last() -> None:
     assert_allclose(found.values[:, -2:], fit.values)
 
 
-def test_the_typical_row_is_finite() -> None:
+def test_medians_are_finite() -> None:
     values = np.array([[1.0, np.nan, np.nan], [3.0, 5.0, np.nan]])
-    assert typical_row(Features(("a", "b", "c"), values)).tolist() == [2.0, 5.0, 0.0]
+    assert median_row(values).tolist() == [2.0, 5.0, 0.0]
+
+
+def test_the_columns_of_an_estimator_are_those_that_are_known_of_it() -> None:
+    poses = random_poses(3)
+    given = align({"a": results_of(poses)}, dataset="d")
+    expected = visibility_features(poses, np.array([1, 0.5, 0]))
+    assert_allclose(features_of_one(given).values, expected.values)
+    fit = np.arange(3.0)[None]
+    more = dataclasses.replace(given, seen={**given.seen, "f": fit})
+    assert features_of_one(more).names[-1] == "f"
+    # A model that knows a further column, and one that knows none.
+    asked = features_of_one(more, (*POSE_COLUMNS, SCORE_COLUMN, "f", "g"))
+    assert asked.names[-2:] == ("f", "g")
+    assert_allclose(asked.values[:, -2], fit[0])
+    assert np.isnan(asked.values[:, -1]).all()
+    assert features_of_one(more, (*POSE_COLUMNS, SCORE_COLUMN)).values.shape == (3, 7)
+    assert features_of_one(given, (*POSE_COLUMNS, SCORE_COLUMN, "f")).values.shape == (3, 7)
+
+
+def test_what_is_known_of_one_estimate_is_checked() -> None:
+    assert seen_of(None, None) == {}
+    assert seen_of(0.5, None)["score"].tolist() == [[0.5]]
+    fit = Features(("f", "g"), np.array([[1.0, 2.0]]))
+    assert {k: v.tolist() for k, v in seen_of(None, fit).items()} == {"f": [[1.0]], "g": [[2.0]]}
+    with pytest.raises(InputError, match="score"):
+        seen_of(float("nan"), None)
+    with pytest.raises(InputError, match="image fit is of 2 instances"):
+        seen_of(None, Features(("f",), np.zeros((2, 1))))

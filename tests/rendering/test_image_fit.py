@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from bop_images import write_dataset
+from bop_images import estimates_of, write_dataset
+from graspcast.bop.dataset import BopDataset
 from graspcast.bop.meshes import Mesh
 from graspcast.errors import InputError, MismatchError, UnknownNameError
+from graspcast.estimates.alignment import align
 from graspcast.estimates.instances import InstanceKey, Instances
 from graspcast.pose.transforms import rotation_from_vector, transform
 from graspcast.rendering.image_fit import (
@@ -19,6 +21,7 @@ from graspcast.rendering.image_fit import (
     describe_fit,
     fit_of_instances,
     image_fit,
+    with_image_fit,
 )
 from graspcast.rendering.rasterizer import Canvas
 
@@ -126,12 +129,47 @@ def test_grey_images_are_judged_by_lightness() -> None:
         )
 
 
-def test_a_blank_image_fits_nothing_and_divides_by_nothing() -> None:
-    values = fits(np.zeros((200, 240, 3), np.uint8), at()).values[0]
+def test_an_image_of_one_colour_shows_nothing() -> None:
+    for value in (0, 255):
+        found = fits(np.full((200, 240, 3), value, np.uint8), at(), at(0.02))
+        assert np.isnan(found.values).all()
+        assert found.problems == ("the image has one colour throughout",) * 2
+
+
+def test_nothing_is_divided_by_where_the_outline_has_no_edges() -> None:
+    image = np.zeros((200, 240, 3), np.uint8)
+    image[0, 0] = 255
+    values = fits(image, at()).values[0]
     assert np.isfinite(values).all()
     named = dict(zip(FIT_COLUMNS, values.tolist(), strict=True))
     assert named["fit_orientation"] == named["fit_step"] == named["fit_support"] == 0
     assert named["fit_inside"] == 1
+
+
+def test_it_is_added_to_what_is_known_of_estimates_and_what_lacks_it_is_counted(
+    tmp_path: Path,
+) -> None:
+    dataset = write_dataset(tmp_path / "d")
+    given = align({"a": estimates_of(dataset)}, dataset="d")
+    notes: list[str] = []
+    found = with_image_fit(given, {"d": dataset}, notes)
+    assert notes == ["a: image fit of 6 of 6 instances"]
+    assert list(found.seen) == ["score", *FIT_COLUMNS]
+    direct = fit_of_instances(given.instances, given.of("a"), {"d": dataset})
+    for i, name in enumerate(FIT_COLUMNS):
+        np.testing.assert_array_equal(found.seen[name], direct.values[None, :, i])
+    np.testing.assert_array_equal(found.seen["score"], given.seen["score"])
+    kept = found.select(np.array([2, 0]))
+    np.testing.assert_array_equal(kept.seen["fit_step"], found.seen["fit_step"][:, [2, 0]])
+    # Of the images of scene 2 there is one; of scene 1 none.
+    for path in (tmp_path / "d" / "test" / "000001" / "rgb").iterdir():
+        path.unlink()
+    notes.clear()
+    with_image_fit(given, {"d": BopDataset(tmp_path / "d")}, notes)
+    assert notes == ["a: image fit of 2 of 6 instances; none of 4: there is no image 1/3, …"]
+    (tmp_path / "d" / "test" / "000002" / "rgb" / "000003.png").unlink()
+    with pytest.raises(InputError, match=r"no image of any instance, for example: .* 1/3"):
+        with_image_fit(given, {"d": BopDataset(tmp_path / "d")}, notes)
 
 
 @pytest.mark.parametrize("seed", range(30))

@@ -27,6 +27,7 @@ def test_views_are_other_images_of_the_scene() -> None:
     found = gathered(results, motion_of(CAMERAS))
     assert found.present.shape == (16, 3, 2) and found.present.all()
     assert (found.view_im_id[:, 0] == found.instances.im_id).all()
+    np.testing.assert_array_equal(found.score[:, 0], results["a"].score)  # in this order already
     assert (found.view_im_id[:, 1:] != found.instances.im_id[:, None]).all()
     carried = found.cam_T_view[:, :, None] @ found.view_T_obj
     np.testing.assert_allclose(carried[:, 1:, 0], carried[:, :1, 0].repeat(2, 1), atol=1e-9)

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 from graspcast.cli.console import note, print_table, print_text
 from graspcast.cli.options import (
     Verbs,
+    add_images,
     add_inputs,
     add_json,
     add_ood_alpha,
     add_out,
     add_outcomes,
     count,
-    inputs_of,
+    inputs_with_images,
     new_verb,
     share,
     write_json,
@@ -40,6 +41,7 @@ def add(verbs: Verbs) -> None:
         "within one need not be.",
     )
     add_inputs(verb)
+    add_images(verb)
     verb.add_argument("--model", metavar="PATH", type=Path, required=True, help="from train")
     add_outcomes(verb, required=True)
     _add_guarantee_options(verb)
@@ -107,8 +109,10 @@ def _certify(options: argparse.Namespace) -> None:
 
     forecaster = Forecaster.load(options.model)
     card = forecaster.card
-    inputs = inputs_of(options)
-    estimates = inputs.estimates(card.principal)
+    alone = forecaster.visibility
+    inputs = inputs_with_images(options, used=alone is not None and alone.uses_image)
+    card.check_estimators(inputs.estimators)
+    estimates = inputs.estimates(card.principal, only=card.estimators)
     outcomes = load_outcomes(options.outcomes, estimates.estimators)
     data = TrainingData.join(estimates, outcomes, card.principal, card.gripper)
     note(*inputs.notes, *inputs.lengths)

@@ -8,10 +8,11 @@ from pathlib import Path
 from graspcast.cli.console import note, print_text
 from graspcast.cli.options import (
     Verbs,
+    add_images,
     add_inputs,
     add_ood_alpha,
     add_out,
-    inputs_of,
+    inputs_with_images,
     new_verb,
     positive,
     share,
@@ -31,9 +32,11 @@ def add(verbs: Verbs) -> None:
         "verdicts on estimates",
         "Write a verdict on every instance of the principal's: attempt or abstain; with camera\n"
         "poses of several images of a scene, also look again, and from where. Where a supporter\n"
-        "has no estimate there is no forecast from one view, and the verdict is to abstain.",
+        "has no estimate there is no forecast from one view, and the verdict is to abstain,\n"
+        "unless a further model was trained without it.",
     )
     add_inputs(verb)
+    add_images(verb)
     verb.add_argument(
         "--model",
         metavar="PATH",
@@ -105,7 +108,8 @@ def _predict(options: argparse.Namespace) -> None:
         raise InputError("--certificate has its own threshold: leave out --threshold")
     models = Fallbacks(Forecaster.load(path) for path in options.model)
     certificates = [Certificate.load(path) for path in options.certificate]
-    inputs = inputs_of(options)
+    used = any(m.visibility is not None and m.visibility.uses_image for m in models)
+    inputs = inputs_with_images(options, used=used)
     how = {
         "threshold": 0.5 if options.threshold is None else options.threshold,
         "certificates": certificates,

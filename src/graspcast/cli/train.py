@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 from graspcast.cli.console import note, print_table, print_text, progress_bar
 from graspcast.cli.options import (
     Verbs,
+    add_images,
     add_inputs,
     add_json,
     add_out,
     add_outcomes,
-    inputs_of,
+    inputs_with_images,
     new_verb,
     positive,
     write_json,
@@ -37,9 +38,11 @@ def add(verbs: Verbs) -> None:
         "train a forecaster",
         "Train a forecaster of a gripper's success for a principal estimator and its supporters,\n"
         "print its cross-validated scores on scenes that are not in training, and write it as one\n"
-        "file.",
+        "file. One estimator alone is forecast by how well the object is seen, which is much\n"
+        "weaker; with camera poses, by several views.",
     )
     add_inputs(verb)
+    add_images(verb)
     verb.add_argument(
         "--principal", metavar="NAME", required=True, help="estimator that guides the grasp"
     )
@@ -65,7 +68,7 @@ def add(verbs: Verbs) -> None:
     add_views(
         verb,
         views_from="all",
-        why="; with them, the model also forecasts with several views, and one estimator is enough",
+        why="; with them, the model also forecasts with several views",
     )
     _add_forest_options(verb)
     _add_network_options(verb)
@@ -132,9 +135,10 @@ def _train(options: argparse.Namespace) -> None:
     from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
     from graspcast.forecasting.models.mlp.types import MlpSettings
+    from graspcast.forecasting.one_estimator import ALONE
     from graspcast.forecasting.train import fit_forecaster
 
-    inputs = inputs_of(options)
+    inputs = inputs_with_images(options)
     data = _training_data(options, inputs)
     note(*inputs.notes, *inputs.lengths)
     settings = {
@@ -169,14 +173,15 @@ def _train(options: argparse.Namespace) -> None:
             [measure.replace("_", " "), *(_figure(s[measure]) for s in scores.values())]
             for measure in next(iter(scores.values()))
         ]
-        header = [options.method, *(name.replace("_", " ") for name in scores)]
-        print_table(f"{options.method}, cross-validated scores", header, rows)
+        header = [card.method, *(name.replace("_", " ") for name in scores)]
+        print_table(f"{card.method}, cross-validated scores", header, rows)
     forecaster.save(options.out)
     note(*(f"Warning: {text}." for text in card.warnings))
     write_json(options.json, {"card": card.as_dict()})
     simulated = f" ({len(card.simulated)} by simulation alone)" if card.simulated else ""
     together = f" with {', '.join(card.supporters)}" if card.supporters else " alone"
-    seen = ", one or more views" if data.views is not None else ""
+    seen = ", one view" if card.method == ALONE else ""
+    seen = ", one or more views" if data.views is not None else seen
     print_text(
         f"{options.out}: {options.principal}{together}{seen}, {options.gripper} gripper, "
         f"{len(card.objects)} objects{simulated}, {card.samples} samples"
@@ -221,13 +226,20 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
             "were made, graspcast simulate gives a campaign's directory of them",
             parameters=("outcomes", "simulated"),
         )
+    several = len(inputs.estimators) > 1
+    if several and options.images:
+        raise InputError(
+            "images are looked at with one estimator alone: they add nothing to a consensus, so "
+            "leave out --images, or the other estimators"
+        )
     estimates = inputs.estimates(options.principal)
     outcomes = load_outcomes(options.outcomes, estimates.estimators) if options.outcomes else None
     simulated = None
     if options.simulated:
         simulated = SimulatedTrials.read(options.simulated, options.gripper)
     truth = None
-    if options.method in ("blend", "two-stage"):
+    motions = motions_of(options, inputs)
+    if options.method in ("blend", "two-stage") and (several or motions):
         truth = inputs.truth(estimates, options.principal)
     data = TrainingData.join(
         estimates, outcomes, options.principal, options.gripper, truth=truth, simulated=simulated
@@ -236,7 +248,7 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
         inputs.notes.append(f"{untried} instances have no outcome")
     if truth is not None and (unknown := int((~data.has_truth).sum())):
         inputs.notes.append(f"{unknown} instances have no ground truth")
-    if motions := motions_of(options, inputs):
+    if motions:
         if options.method not in ("blend", "two-stage"):
             raise InputError(
                 f"the method {options.method} does not forecast with several views; blend and "

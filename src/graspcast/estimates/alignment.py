@@ -66,6 +66,9 @@ class Estimates:
         (n,), None if unknown.
     refused
         Which poses were left out since they cannot be, in words.
+    seen
+        What else is known of the estimates, by name: ``score``, and numbers of image fit
+        (:mod:`graspcast.rendering.image_fit`), NaN where unknown, each (K, n).
     """
 
     estimators: tuple[str, ...]
@@ -76,6 +79,7 @@ class Estimates:
     alone: Bool[ndarray, " n"] | None = None
     tied: Bool[ndarray, " n"] | None = None
     refused: tuple[str, ...] = ()
+    seen: Mapping[str, Float[ndarray, "k n"]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_shapes(self.estimators, self.instances, self.cam_T_obj)
@@ -148,7 +152,8 @@ class Estimates:
         if estimators == self.estimators:
             return self
         which = [self.index(name) for name in estimators]
-        return replace(self, estimators=estimators, cam_T_obj=self.cam_T_obj[which])
+        seen = {name: values[which] for name, values in self.seen.items()}
+        return replace(self, estimators=estimators, cam_T_obj=self.cam_T_obj[which], seen=seen)
 
     def select(self, which: Bool[ndarray, " n"] | Int[ndarray, " m"]) -> Estimates:
         """Return some of the instances, by mask or by number."""
@@ -158,6 +163,7 @@ class Estimates:
             cam_T_obj=self.cam_T_obj[:, which],
             alone=None if self.alone is None else self.alone[which],
             tied=None if self.tied is None else self.tied[which],
+            seen={name: values[:, which] for name, values in self.seen.items()},
         )
 
 
@@ -233,7 +239,7 @@ def align(
     required: bool = True,
     models: Mapping[str, Models] | None = None,
 ) -> Estimates:
-    """Align K >= 2 estimators' results of one dataset.
+    """Align K >= 1 estimators' results of one dataset.
 
     A pose that cannot be (:mod:`graspcast.pose.sanity`) is no estimate; :attr:`Estimates.refused`
     counts them.
@@ -309,6 +315,7 @@ def align(
         alone=np.array(alone, dtype=bool),
         tied=np.array(tied, dtype=bool),
         refused=left_out,
+        seen={"score": np.stack([t.score[p] for t, p in zip(tables, picked, strict=True)])},
     )
     if required:
         refuse_copies(names, out.cam_T_obj)
@@ -378,6 +385,11 @@ def concatenate(parts: Iterable[Estimates]) -> Estimates:
         alone=_joined_flags([p.alone for p in parts]),
         tied=_joined_flags([p.tied for p in parts]),
         refused=tuple(text for p in parts for text in p.refused),
+        seen={
+            name: np.concatenate([p.seen[name] for p in parts], axis=1)
+            for name in parts[0].seen
+            if all(name in p.seen for p in parts)
+        },
     )
 
 

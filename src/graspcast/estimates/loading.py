@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
@@ -46,11 +46,15 @@ class Inputs:
         Dataset's name to estimator's name to results.
     notes
         What was left out, in words.
+    image_fit
+        Adds image fit to the estimates of a single estimator
+        (:func:`graspcast.rendering.image_fit.with_image_fit`), or None.
     """
 
     datasets: Mapping[str, BopDataset]
     results: Mapping[str, Mapping[str, Results]]
     notes: list[str] = field(default_factory=list)
+    image_fit: Callable[[Estimates], Estimates] | None = None
 
     @property
     def models(self) -> dict[str, Models]:
@@ -140,7 +144,13 @@ class Inputs:
         if lacking:
             counts = ", ".join(f"{n} by {name}" for name, n in lacking.items())
             self.notes.append(f"dropped instances without an estimate: {counts}")
-        return together
+        return self.with_image_fit(together)
+
+    def with_image_fit(self, estimates: Estimates) -> Estimates:
+        """Add image fit to the estimates of a single estimator, if there is any."""
+        if self.image_fit is None or len(estimates.estimators) > 1:
+            return estimates
+        return self.image_fit(estimates)
 
 
 def load_inputs(

@@ -76,7 +76,7 @@ def cross_validated(
     for test, forecaster in _folds(
         training_data, tried, by=by, folds=folds, seed=seed, progress=progress, **options
     ):
-        if forecaster.card.supporters:
+        if forecaster.card.supporters or forecaster.visibility is not None:
             probability[test] = forecaster.probability(
                 tried.estimates.select(test), options.get("models"), unseen_objects=by == "object"
             )
@@ -102,9 +102,9 @@ def cross_validated_with_views(
 
     Returns
     -------
-        Out-of-fold probabilities of ``training_data.tried()`` from one view (NaN without
-        supporters), and from two or three (NaN where there are no other views); each guided by the
-        principal's single view.
+        Out-of-fold probabilities of ``training_data.tried()`` from one view (NaN where there is no
+        forecast from one), and from two or three (NaN where there are no other views); each guided
+        by the principal's single view.
     """
     tried = training_data.tried()
     single, several = np.full(len(tried), np.nan), np.full(len(tried), np.nan)
@@ -113,7 +113,7 @@ def cross_validated_with_views(
         training_data, tried, by="scene", folds=folds, seed=seed, progress=progress, **options
     ):
         mine = tried.select(test)
-        if forecaster.card.supporters:
+        if forecaster.card.supporters or forecaster.visibility is not None:
             single[test] = forecaster.probability(mine.estimates, models)
         assert mine.views is not None
         rows, found = _seen(forecaster, mine, models or {})
@@ -201,6 +201,12 @@ def _folds(
         own = groups[training_data.is_tried]
         parts = list(by_group(own, tried.objects, tried.own_success == 1, folds=folds, seed=seed))
     else:
+        if len(training_data.estimates.estimators) < 2:
+            raise InputError(
+                "one estimator alone learns nothing of objects that are not in training, so these "
+                "cannot be scored; a consensus of two or more can",
+                parameters=("unseen_objects", "estimates"),
+            )
         groups, own = training_data.objects, tried.objects
         if len(names := sorted(set(own.tolist()))) < 2:
             raise InputError(

@@ -182,6 +182,13 @@ def forecast_principals(
     InputError
         If a principal has no instance with a forecast.
     """
+    for data in training_data:
+        if len(data.estimates.estimators) < 2:
+            raise InputError(
+                "a consensus takes at least two estimators, but there is 1: give the results of "
+                "another one too",
+                parameters=("estimates",),
+            )
     sets = [_supporter_sets(each.estimates.supporters(each.principal)) for each in training_data]
     total = sum(map(len, sets))
     done = 0

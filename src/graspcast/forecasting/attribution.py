@@ -20,12 +20,15 @@ __all__ = ["attributions", "groups_of"]
 _TURNS = {"rot", "angle", "turn", "dpsi"}
 _ALONE = {"view", "axis", "distance"}
 """The viewing direction of the principal, whose median would be no direction."""
+_OF_ONE = {"score": "its score", "fit": "image fit", "image": "place in the image"}
+"""What a single view of one estimator is judged by, by the first word of the column."""
 
 
 def groups_of(names: Sequence[str]) -> dict[str, Int[ndarray, " c"]]:
     """Group feature columns: a supporter's rotation or position, or two supporters' difference.
 
-    Medians and means over all supporters belong to every group of their kind.
+    Medians and means over all supporters belong to every group of their kind. What a single view
+    of one estimator is judged by has groups of its own.
     """
     groups: dict[str, list[int]] = {}
     common: dict[str, list[int]] = {"rotation": [], "position": []}
@@ -34,7 +37,9 @@ def groups_of(names: Sequence[str]) -> dict[str, Int[ndarray, " c"]]:
         kind, *rest = stem.split("_")
         if kind in _ALONE:
             continue
-        if len(others) == 2:
+        if kind in _OF_ONE:
+            groups.setdefault(_OF_ONE[kind], []).append(i)
+        elif len(others) == 2:
             groups.setdefault(f"{others[0]} against {others[1]}", []).append(i)
         elif others:
             what = "rotation" if kind in _TURNS else "position"
@@ -76,7 +81,9 @@ def attributions(
     groups = groups_of(features.names)
     stacked = np.tile(features.values, (len(groups) + 1, 1, 1))
     for i, columns in enumerate(groups.values()):
-        stacked[i + 1][:, columns] = typical[columns]
+        # What is not known stays so: else another part of the model would answer.
+        known = ~np.isnan(features.values[:, columns])
+        stacked[i + 1][:, columns] = np.where(known, typical[columns], np.nan)
     flat = stacked.reshape(-1, stacked.shape[-1])
     asked = predictor.probability(flat, np.tile(numbers, len(groups) + 1))
     found = asked.reshape(len(groups) + 1, -1)

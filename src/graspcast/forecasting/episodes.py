@@ -21,11 +21,13 @@ from graspcast.errors import InputError, UnknownNameError
 from graspcast.estimates.checks import no_estimate_by
 from graspcast.estimates.instances import split_object_name
 from graspcast.forecasting.episode_verdict import EpisodeVerdict, from_where
+from graspcast.forecasting.features import Features
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.look_again import MIN_GAIN
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import Verdict, VerdictRow, check_threshold
 from graspcast.forecasting.view_verdicts import BEST, FUSED
+from graspcast.forecasting.visibility_features import seen_of
 from graspcast.io.arguments import NAME, NAMED, a, checked, mapping, number
 from graspcast.pose.sanity import is_placeholder, pose_problems
 from graspcast.pose.transforms import compose
@@ -189,13 +191,13 @@ class Episodes:
         return self._look(results, world_T_cam, K, time_s).verdicts
 
     def _look(
-        self, estimates: Mapping[str, Any], world_T_cam: Any, K: Any, time_s: float | None
+        self, estimates: Mapping[str, Any], world_T_cam: Any, K: Any, time_s: Any, seen: Any = None
     ) -> _Taken:
         names = self.forecaster.card.estimators
         if unknown := [name for name in estimates if name not in names]:
             raise UnknownNameError("estimator", unknown[0], names, parameters=("estimates",))
         complete = {name: estimates.get(name, {}) for name in names}
-        look = Look(complete, world_T_cam, K, time_s)
+        look = Look(complete, world_T_cam, K, time_s, seen)
         with self._lock:
             looks = (*self._looks, look)[-_KEPT:]
             fused = fuse_looks_by(
@@ -255,8 +257,9 @@ class Episodes:
             image = int(keys.scene_id[0]), int(keys.im_id[0])
             motion = CameraMotion({image: look.world_T_cam})
         most = self.max_looks if count < self.max_looks else 1
+        seen = None if look.seen is None else {name: v[0] for name, v in look.seen.items()}
         return self.forecaster.judge(
-            fused, self.models, max_looks=most, motion=motion, **self._options
+            fused, self.models, max_looks=most, motion=motion, seen=seen, **self._options
         )
 
 
@@ -338,6 +341,8 @@ class Episode:
         K: Float[ndarray, "3 3"] | None = None,
         *,
         time_s: float | None = None,
+        score: float | None = None,
+        image_fit: Features | None = None,
     ) -> EpisodeVerdict:
         """Take a further look at the object.
 
@@ -348,6 +353,8 @@ class Episode:
             nothing.
         world_T_cam, K, time_s
             As for :meth:`Episodes.look`.
+        score, image_fit
+            Of a single estimator's pose, as for :meth:`Forecaster.predict`.
 
         Raises
         ------
@@ -355,7 +362,7 @@ class Episode:
             As :meth:`Episodes.look`. The look then does not count.
         """
         named = {name: {self.object_name: pose} for name, pose in poses.items()}
-        taken = self._scene._look(named, world_T_cam, K, time_s)
+        taken = self._scene._look(named, world_T_cam, K, time_s, seen_of(score, image_fit))
         return taken.verdicts[0] if taken.verdicts else self._nothing(taken)
 
     def _nothing(self, taken: _Taken) -> EpisodeVerdict:

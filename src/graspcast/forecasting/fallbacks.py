@@ -19,6 +19,7 @@ from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.forecaster import Forecaster
+from graspcast.forecasting.model_card import ModelCard
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import Verdict, VerdictRow, verdict_rows
 from graspcast.guarantees.certificate import Certificate
@@ -54,7 +55,7 @@ class Fallbacks:
                     f"for one of {first.principal} and the {first.gripper} gripper"
                 )
             if (supporters := frozenset(card.supporters)) in sets:
-                raise InputError(f"two models are for the supporters {', '.join(card.supporters)}")
+                raise InputError(f"two models are for {card.principal} with {_named(card)}")
             sets.add(supporters)
 
     def __iter__(self) -> Iterator[Forecaster]:
@@ -178,9 +179,11 @@ class Fallbacks:
 
 def _with_names(verdict: Verdict, forecaster: Forecaster) -> Verdict:
     """Say which supporters a verdict uses."""
-    return replace(
-        verdict, reason=f"{verdict.reason}; with {', '.join(forecaster.card.supporters)}"
-    )
+    return replace(verdict, reason=f"{verdict.reason}; with {_named(forecaster.card)}")
+
+
+def _named(card: ModelCard) -> str:
+    return ", ".join(card.supporters) or "no supporter"
 
 
 def certificate_of(
@@ -200,7 +203,7 @@ def certificate_of(
             certificate.check_belongs_to(card.digest, ood_alpha)
             return certificate
     raise MismatchError(
-        f"no certificate was made for the model with {', '.join(card.supporters)}: certify it, and "
+        f"no certificate was made for the model with {_named(card)}: certify it, and "
         "give its certificate too",
         parameters=("certificate",),
     )

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import repeat
 from os import PathLike
 from typing import Any
 
@@ -18,25 +17,24 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.forecasting.attribution import attributions
 from graspcast.forecasting.features import Features, features_of
 from graspcast.forecasting.frame_verdicts import predict_frame as _predict_frame
-from graspcast.forecasting.model_card import ModelCard
+from graspcast.forecasting.model_card import ONE_VIEW_FEATURES, ModelCard
 from graspcast.forecasting.model_file import read_model, write_model
 from graspcast.forecasting.models.base import Predictor
-from graspcast.forecasting.models.blend import Blend
+from graspcast.forecasting.models.blend import Blend, visibility_of
 from graspcast.forecasting.models.view_model import ViewModel
+from graspcast.forecasting.models.visibility import Visibility
 from graspcast.forecasting.novelty import OOD_ALPHA, Disagreement, Novelty
 from graspcast.forecasting.pose_checks import (
     ARGUMENTS,
-    ONE_VIEW,
+    alone_problems,
     estimate_problems,
     estimates_of_one,
     sane_of,
 )
-from graspcast.forecasting.verdict import (
-    Verdict,
-    check_threshold,
-    decide,
-)
+from graspcast.forecasting.sane_verdicts import decide_sane as _decide_sane
+from graspcast.forecasting.verdict import Verdict, check_threshold
 from graspcast.forecasting.view_verdicts import judge as _judge
+from graspcast.forecasting.visibility_features import features_of_one, seen_of
 from graspcast.forecasting.warm_up import warm_up as _warm_up
 from graspcast.io.arguments import checked
 
@@ -58,7 +56,7 @@ class Forecaster:
     card: ModelCard
     predictor: Predictor
     novelty: Novelty | None
-    """None for a single estimator, which agrees with nobody."""
+    """None for a single estimator that is not forecast from one view."""
     typical: Float[ndarray, " d"]
     """Medians of the training features, the baseline of attributions."""
     others: tuple[Forecaster, ...] = ()
@@ -67,11 +65,13 @@ class Forecaster:
     warm_up = _warm_up
     predict_frame = _predict_frame
     judge = _judge
+    _decide = _decide_sane
 
     def __repr__(self) -> str:
         card = self.card
+        together = f"with {', '.join(card.supporters)}" if card.supporters else "alone"
         return (
-            f"Forecaster({card.method}: {card.principal} with {', '.join(card.supporters)}; "
+            f"Forecaster({card.method}: {card.principal} {together}; "
             f"{card.gripper} gripper, {len(card.objects)} objects, {card.samples} samples)"
         )
 
@@ -103,9 +103,14 @@ class Forecaster:
         return self.predictor.views if isinstance(self.predictor, Blend) else None
 
     @property
+    def visibility(self) -> Visibility | None:
+        """The model of one view of one estimator; None if there are supporters."""
+        return visibility_of(self.predictor)
+
+    @property
     def needs_models(self) -> bool:
         """Whether its features need object models."""
-        return self.card.features != "paper"
+        return self.card.features not in ("paper", ONE_VIEW_FEATURES)
 
     def probability(
         self,
@@ -151,7 +156,7 @@ class Forecaster:
         """Compute the novelty p-value of every instance (:mod:`graspcast.forecasting.novelty`).
 
         Small means novel: of instances of scenes like those in training, at most a share ``a`` has
-        a p-value of ``a`` or less. NaN where :meth:`probability` is.
+        a p-value of ``a`` or less. NaN where :meth:`probability` is, and for a single estimator.
 
         Raises
         ------
@@ -269,39 +274,11 @@ class Forecaster:
         """Say for each instance which poses are not sane, or copies, or nothing."""
         self.card.check_estimators(estimates.estimators)
         found = estimate_problems(estimates.only(*self.card.estimators), models, self.card)
-        return found if self.card.supporters else [why or ONE_VIEW for why in found]
-
-    def _decide(
-        self,
-        estimates: Estimates,
-        models: Mapping[str, Models] | None,
-        *,
-        threshold: float | None,
-        guarantee: str | None,
-        ood_alpha: float,
-        explain: bool,
-    ) -> list[Verdict]:
-        """Decide on instances whose poses are all sane."""
-        found, numbers = self._inputs(estimates, models)
-        attribution: Iterable[tuple[tuple[str, float], ...]] = repeat((), len(estimates))
-        if explain:
-            attribution = attributions(self.predictor, found, numbers, self.typical)
-        return [
-            decide(
-                p,
-                threshold,
-                guarantee=guarantee,
-                disagreement=given,
-                ood_alpha=ood_alpha,
-                attribution=why,
-            )
-            for p, given, why in zip(
-                self.predictor.probability(found.values, numbers).tolist(),
-                self._disagreements(estimates),
-                attribution,
-                strict=True,
-            )
-        ]
+        if self.card.supporters:
+            return found
+        numbers = self.card.numbers_of(estimates.objects.tolist(), unseen=True)
+        alone = alone_problems(self.visibility, estimates.objects, numbers)
+        return [why or other for why, other in zip(found, alone, strict=True)]
 
     def predict(
         self,
@@ -312,6 +289,8 @@ class Forecaster:
         models: Mapping[str, Models] | None = None,
         ood_alpha: float = OOD_ALPHA,
         explain: bool = False,
+        score: float | None = None,
+        image_fit: Features | None = None,
     ) -> Verdict:
         """Decide on one instance: attempt the grasp, or abstain.
 
@@ -329,6 +308,10 @@ class Forecaster:
             As for :meth:`probability`.
         ood_alpha, explain
             As for :meth:`verdicts`.
+        score, image_fit
+            Of a single estimator's pose, if known
+            (:attr:`graspcast.rendering.image_fit.ImageFit.features`); with supporters neither
+            makes a difference.
 
         Raises
         ------
@@ -341,7 +324,7 @@ class Forecaster:
         self.card.check_estimators(poses)
         self.card.numbers_of([object_name])
         mine = {name: poses[name] for name in self.card.estimators}
-        estimates = estimates_of_one(mine, object_name)
+        estimates = estimates_of_one(mine, object_name, seen_of(score, image_fit))
         (problem,) = self._pose_problems(estimates, models)
         if problem:
             return Verdict(False, None, problem)
@@ -362,7 +345,10 @@ class Forecaster:
         card = self.card
         self.card.check_estimators(estimates.estimators)
         mine = estimates.only(*card.estimators)
-        found = features_of(mine, card.principal, card.features, models)
+        if self.visibility is not None:
+            found = features_of_one(mine, self.visibility.names)
+        else:
+            found = features_of(mine, card.principal, card.features, models)
         return found, self.card.numbers_of(estimates.objects.tolist(), unseen)
 
     def save(self, path: str | PathLike[str]) -> None:

@@ -47,7 +47,7 @@ def looks_for(
     Parameters
     ----------
     forecaster
-        Trained with views.
+        Trained with views; without, no probability is expected.
     fused
         Fused poses, also of one view.
     rows
@@ -71,6 +71,8 @@ def looks_for(
         seen=gathered.present[rows].any(axis=2),
         world_T_cam=np.stack([world[image] for image in images]) if known else None,
     )
+    if forecaster.view_model is None:
+        return found
     direction = np.stack([look.direction for look in found]) if found else np.empty((0, 3))
     expected = expected_after(forecaster, fused, rows, statistics, direction, noise=noise)
     return [

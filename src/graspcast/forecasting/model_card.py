@@ -16,7 +16,10 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.io.hashing import canonical_json, sha256
 
-__all__ = ["ModelCard", "digest_of"]
+__all__ = ["ONE_VIEW_FEATURES", "ModelCard", "digest_of"]
+
+ONE_VIEW_FEATURES = "visibility"
+"""The feature set of a model that answers for one view of one estimator."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,8 @@ class ModelCard:
     method
         A key of :data:`graspcast.forecasting.model_file.KINDS`.
     features
-        Feature set (``paper``, ``rich`` or ``full``), or ``add`` for the threshold.
+        Feature set (``paper``, ``rich`` or ``full``), ``add`` for the threshold, or ``visibility``
+        for one view of one estimator.
     settings
         Settings of the method.
     samples, success_rate

@@ -15,11 +15,12 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import FormatError
-from graspcast.forecasting.model_card import ModelCard
+from graspcast.forecasting.model_card import ONE_VIEW_FEATURES, ModelCard
 from graspcast.forecasting.models.add_threshold import Thresholds
 from graspcast.forecasting.models.base import Predictor
-from graspcast.forecasting.models.blend import Blend
+from graspcast.forecasting.models.blend import Blend, visibility_of
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble
+from graspcast.forecasting.models.visibility import Visibility
 from graspcast.forecasting.novelty import Novelty
 from graspcast.io.arrays import read_arrays, write_arrays
 from graspcast.views.statistics import STATISTICS
@@ -33,6 +34,7 @@ KINDS: Mapping[str, Any] = {
     "threshold": Thresholds,
     "MLP": NetworkEnsemble,
     "MLP-O": NetworkEnsemble,
+    "visibility": Visibility,
 }
 """Method's name to the class of its model."""
 _FORMAT = 5
@@ -100,7 +102,11 @@ def _part(card: ModelCard, arrays: Mapping[str, ndarray], shared: Predictor | No
         predictor = Blend.from_arrays(below, shared if isinstance(shared, Blend) else None)
     else:
         predictor = KINDS[card.method].from_arrays(below)
-    novelty = Novelty.from_arrays(_below("novelty", arrays)) if card.supporters else None
+    one_view = visibility_of(predictor)
+    if (card.features == ONE_VIEW_FEATURES) != (one_view is not None):
+        raise ValueError("the card and the model disagree on forecasts from one view")
+    compared = bool(card.supporters) or one_view is not None
+    novelty = Novelty.from_arrays(_below("novelty", arrays)) if compared else None
     typical = arrays["typical"]
     if typical.ndim != 1 or typical.dtype != np.float64 or not np.isfinite(typical).all():
         raise ValueError("the typical features are not a list of finite numbers")
@@ -109,13 +115,25 @@ def _part(card: ModelCard, arrays: Mapping[str, ndarray], shared: Predictor | No
     count = len(card.objects)
     if isinstance(predictor, Blend) and len(predictor.tried) != count:
         raise ValueError(f"{len(predictor.tried)} objects of {count}")
-    if novelty is not None:
+    if one_view is not None:
+        _check_one_view(one_view, typical, count)
+    elif novelty is not None:
         tried = predictor.probability(np.tile(typical, (count, 1)), np.arange(count))
         if tried.shape != (count,) or not ((tried >= 0) & (tried <= 1)).all():
             raise ValueError("it forecasts other than probabilities")
     if isinstance(predictor, Blend) and predictor.views is not None:
         _check_views(predictor, count)
     return card, predictor, novelty, typical
+
+
+def _check_one_view(visibility: Visibility, typical: Float[ndarray, " d"], count: int) -> None:
+    """Raise a ValueError unless a visibility model forecasts probabilities."""
+    if len(visibility.tried) != count or typical.shape != (len(visibility.names),):
+        raise ValueError("the model of one view knows other objects, or has other columns")
+    numbers = np.flatnonzero(visibility.tried)
+    tried = visibility.probability(np.tile(typical, (len(numbers), 1)), numbers)
+    if not ((tried >= 0) & (tried <= 1)).all():
+        raise ValueError("the model of one view forecasts other than probabilities")
 
 
 def _check_views(predictor: Blend, count: int) -> None:

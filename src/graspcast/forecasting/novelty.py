@@ -128,6 +128,8 @@ class Novelty:
     ) -> Novelty:
         """Fit to the training instances.
 
+        Without a supporter there is no p-value: only the pose's place is bounded.
+
         Parameters
         ----------
         estimates
@@ -140,6 +142,10 @@ class Novelty:
             Folds of scenes for out-of-fold scores; scenes are assigned to them in turn.
         """
         by = disagreement(estimates, principal, estimates.supporters(principal))
+        if not len(by):  # nobody to disagree with: only where the pose is can be unusual
+            none = np.zeros(0)
+            shapes = none.reshape(0, 0), none, none.reshape(0, 4)
+            return cls(none, *shapes, _usual_view(estimates.of(principal)))
         rows = _rows(by)
         fold_of = fold_numbers(scene_groups(estimates.instances), folds)
         scores = np.empty(len(rows))
@@ -151,10 +157,7 @@ class Novelty:
         limits = np.fmax.reduce(sizes, axis=0) * max(1.0, 2 / (OOD_ALPHA * len(rows)))
         often = np.nan_to_num(np.quantile(sizes[:, :, 2], _OFTEN, axis=0), nan=0.0)
         limits[:, 2] = np.fmin(limits[:, 2], np.maximum(_LARGEST_SHIFT, often))
-        distance, angle = _view(estimates.of(principal))
-        nearest, farthest = np.quantile(distance, _MIDDLE)
-        widest = max(2 * np.quantile(angle, _MIDDLE[1]), _ALWAYS_SEEN)
-        view = np.array([nearest / 2, farthest * 2, widest])
+        view = _usual_view(estimates.of(principal))
         return cls(*_shape(rows), np.sort(scores), limits, view)
 
     @property
@@ -213,6 +216,8 @@ class Novelty:
         return self._p_value(disagreement(estimates, principal, supporters))
 
     def _p_value(self, by: Float[ndarray, "s n 6"]) -> Float[ndarray, " n"]:
+        if not len(by):
+            return np.full(by.shape[1], np.nan)
         score = _distance(_rows(by), self.centre, self.precision)
         at_least = len(self.scores) - np.searchsorted(self.scores, score, side="left")
         return (at_least + 1) / (len(self.scores) + 1)
@@ -251,6 +256,14 @@ def _view(
     x, y, z = cam_T_obj[:, :3, 3].T
     across = np.hypot(x, y)
     return np.hypot(across, z), np.arctan2(across, z)
+
+
+def _usual_view(cam_T_obj: Float[ndarray, "n 4 4"]) -> Float[ndarray, "3"]:
+    """Return the bounds of :attr:`Novelty.view` from the training poses."""
+    distance, angle = _view(cam_T_obj)
+    nearest, farthest = np.quantile(distance, _MIDDLE)
+    widest = max(2 * np.quantile(angle, _MIDDLE[1]), _ALWAYS_SEEN)
+    return np.array([nearest / 2, farthest * 2, widest])
 
 
 def _rows(by: Float[ndarray, "s n 6"]) -> Float[ndarray, "n d"]:

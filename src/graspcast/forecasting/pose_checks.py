@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.bop.models import Models
@@ -15,6 +15,7 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.checks import copied, diameters, no_estimate_by
 from graspcast.estimates.instances import InstanceKey, Instances, split_object_name
 from graspcast.forecasting.model_card import ModelCard
+from graspcast.forecasting.models.visibility import Visibility
 from graspcast.io.arguments import NAME, NAMED, PATH, a, mapping, number
 from graspcast.pose.lengths import shown
 from graspcast.pose.sanity import as_pose, is_placeholder, pose_problems
@@ -23,6 +24,7 @@ __all__ = [
     "ARGUMENTS",
     "ONE_VIEW",
     "SIZE_TOLERANCE",
+    "alone_problems",
     "estimate_problems",
     "estimates_of_one",
     "refuse_most",
@@ -35,6 +37,7 @@ SIZE_TOLERANCE = 0.1
 """Share by which an object's diameter may differ from that in training."""
 
 ONE_VIEW = "one view by one estimator: there is nothing that could contradict it"
+"""Why there is no forecast from one view by a model that was trained to fuse several."""
 
 ARGUMENTS = {
     "estimates": a(Estimates),
@@ -144,8 +147,31 @@ def sane_of(problems: list[str]) -> Bool[ndarray, " n"]:
     return np.array([not problem for problem in problems], dtype=bool)
 
 
+def alone_problems(
+    visibility: Visibility | None, objects: ndarray, numbers: Int[ndarray, " n"]
+) -> list[str]:
+    """Say for each instance why one estimator's single view cannot be judged, or nothing.
+
+    Parameters
+    ----------
+    visibility
+        The model that judges it, or None.
+    objects, numbers
+        The objects' names, and their numbers in training, -1 if they were not there.
+    """
+    if visibility is None:
+        return [ONE_VIEW] * len(objects)
+    tried = (numbers >= 0) & visibility.tried[numbers]
+    return [
+        "" if known else f"one view by one estimator: there was no outcome of {name} in training"
+        for name, known in zip(objects.tolist(), tried.tolist(), strict=True)
+    ]
+
+
 def estimates_of_one(
-    poses: Mapping[str, Float[ndarray, "4 4"] | None], object_name: str
+    poses: Mapping[str, Float[ndarray, "4 4"] | None],
+    object_name: str,
+    seen: Mapping[str, Float[ndarray, "1 n"]] | None = None,
 ) -> Estimates:
     """Return the estimates of one instance, of no image in particular.
 
@@ -156,6 +182,8 @@ def estimates_of_one(
         placeholder.
     object_name
         ``dataset-obj_id``.
+    seen
+        What else is known of a single estimator's estimate (:attr:`Estimates.seen`).
 
     Raises
     ------
@@ -165,4 +193,5 @@ def estimates_of_one(
     arrays = [np.eye(4) if p is None else as_pose(name, p) for name, p in poses.items()]
     dataset, obj_id = split_object_name(object_name)
     instances = Instances.of([InstanceKey(dataset, 0, 0, obj_id, 0)])
-    return Estimates(tuple(poses), instances, np.stack(arrays)[:, None])
+    known = (seen or {}) if len(poses) == 1 else {}
+    return Estimates(tuple(poses), instances, np.stack(arrays)[:, None], seen=known)

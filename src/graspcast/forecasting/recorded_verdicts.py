@@ -15,6 +15,7 @@ from graspcast.forecasting.look_again import MIN_GAIN
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import VerdictRow
 from graspcast.forecasting.view_verdicts import BEST, FUSED
+from graspcast.forecasting.visibility_features import seen_in_images
 from graspcast.guarantees.certificate import Certificate
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.choice import MIN_PARALLAX_RAD, ViewsFrom
@@ -89,6 +90,8 @@ def judge_recorded(
 ) -> tuple[FusedEstimates, list[VerdictRow]]:
     """Fuse the instances of one dataset, and judge them; ``options`` are further ones of judge."""
     fused = fused_of(forecaster, inputs, dataset, motion, settings)
+    if forecaster.visibility is not None and forecaster.visibility.uses_image:
+        options["seen"] = seen_in_images(inputs, fused)
     rows = forecaster.judge(
         fused,
         inputs.models,

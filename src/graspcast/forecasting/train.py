@@ -17,18 +17,28 @@ from graspcast.estimates.checks import diameters
 from graspcast.estimates.instances import split_object_name, unit_names
 from graspcast.forecasting.features import FeatureSet, features_of
 from graspcast.forecasting.forecaster import Forecaster
-from graspcast.forecasting.model_card import ModelCard, digest_of
+from graspcast.forecasting.model_card import ONE_VIEW_FEATURES, ModelCard, digest_of
 from graspcast.forecasting.model_file import KINDS
 from graspcast.forecasting.models.add_threshold import Thresholds
 from graspcast.forecasting.models.base import Predictor
-from graspcast.forecasting.models.blend import Blend, ForestSettings
+from graspcast.forecasting.models.blend import Blend, ForestSettings, visibility_of
 from graspcast.forecasting.models.growing import grow_blends
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble, NetworkSettings
+from graspcast.forecasting.models.visibility import Visibility
 from graspcast.forecasting.novelty import OOD_ALPHA, Novelty
+from graspcast.forecasting.one_estimator import (
+    ALONE,
+    check_alone,
+    fit_alone,
+    learns_alone,
+    visibility_settings,
+    with_alone,
+)
 from graspcast.forecasting.pose_checks import refuse_most
 from graspcast.forecasting.training_data import TrainingData
+from graspcast.forecasting.visibility_features import features_of_one, median_row
 from graspcast.io.arguments import NAME, a, checked, mapping
-from graspcast.io.progress import Progress
+from graspcast.io.progress import Progress, step_of
 from graspcast.io.provenance import versions
 
 __all__ = ["fit_forecaster", "train_forecaster"]
@@ -36,6 +46,7 @@ __all__ = ["fit_forecaster", "train_forecaster"]
 _FEW = 50
 """Outcomes below which a warning is given."""
 _LEAST = 10
+_METHODS = tuple(name for name in KINDS if name != ALONE)
 _FORESTS = {"blend": None, "two-stage": 0.0, "direct": 1.0}
 """Methods made of forests, and the weight of the direct forest if not that of the settings."""
 
@@ -57,7 +68,11 @@ def train_forecaster(
     The order of the estimators makes no difference: they are sorted by name.
     :meth:`Forecaster.guided_by` returns the forecaster for another principal, where its grasps have
     outcomes too. With poses fused from several views in the training data, it also forecasts with
-    views (:meth:`Forecaster.judge`); then a single estimator is enough.
+    views (:meth:`Forecaster.judge`).
+
+    One estimator is enough. From one view it is then forecast by its pose, its score and, where
+    :attr:`Estimates.seen` has it, image fit (:mod:`graspcast.forecasting.models.visibility`): the
+    methods ``blend`` and ``direct`` do so, from outcomes. That is much weaker than a consensus.
 
     Parameters
     ----------
@@ -125,8 +140,8 @@ def fit_forecaster(
 
     For cross-validation and for programs that show the model card's warnings themselves.
     """
-    if method not in KINDS:
-        raise UnknownNameError("method", method, KINDS, parameters=("method",))
+    if method not in _METHODS:
+        raise UnknownNameError("method", method, _METHODS, parameters=("method",))
     in_order = sorted(training_data.estimates.estimators)  # whatever the order they are given in
     scope = _scope(training_data.only(*in_order), method)
     data = scope.data
@@ -142,6 +157,8 @@ def fit_forecaster(
         pools, scales = method == "MLP-O", features == "rich"
         used = replace(settings or NetworkSettings(), pools_objects=pools, standardise=scales)
     refuse_most(data.estimates, models)
+    if learns_alone(data) and data.views is None:
+        return _fit_alone(scope, used, models or {}, progress)
     if method in _FORESTS:
         return _fit_forests(scope, method, used, models or {}, guides, progress)
     card = _card(scope, method, feature_set, used, models or {})
@@ -155,6 +172,18 @@ def fit_forecaster(
     return _assembled(data, card, predictor, values)
 
 
+def _fit_alone(
+    scope: _Scope,
+    settings: ForestSettings,
+    models: Mapping[str, Models],
+    progress: Progress | None,
+) -> Forecaster:
+    """Fit the forecaster of one estimator's single view."""
+    fitted = fit_alone(scope.data, scope.objects, settings, progress=progress)
+    card = _card(scope, ALONE, ONE_VIEW_FEATURES, visibility_settings(settings), models)
+    return _assembled(scope.data, card, fitted, features_of_one(scope.data.estimates).values)
+
+
 def _fit_forests(
     scope: _Scope,
     method: str,
@@ -166,15 +195,21 @@ def _fit_forests(
     """Fit the methods made of forests, for every guide."""
     data = scope.data
     names = _guides(data, guides)
-    blends = grow_blends(data, names, scope.objects, models, settings, progress=progress)
+    alone = method != "two-stage" and learns_alone(data)
+    share = step_of(progress, 0, 2) if alone else progress
+    blends = grow_blends(data, names, scope.objects, models, settings, progress=share)
     each = []
     for name in names:
-        mine = replace(scope, data=replace(data, principal=name))
-        card = _card(mine, method, "full", settings, models)
+        mine, blend = replace(scope, data=replace(data, principal=name)), blends[name]
+        card = _card(mine, method, ONE_VIEW_FEATURES if alone else "full", settings, models)
         values = np.zeros((len(data), 0))
         if card.supporters:
             values = features_of(data.estimates, name, "full", models).values
-        each.append(_assembled(mine.data, card, blends[name], values))
+        elif alone:
+            share = step_of(progress, 1, 2)
+            blend = with_alone(blend, fit_alone(data, scope.objects, settings, progress=share))
+            values = features_of_one(data.estimates).values
+        each.append(_assembled(mine.data, card, blend, values))
     return replace(each[0], others=tuple(each[1:]))
 
 
@@ -196,13 +231,14 @@ def _assembled(
     data: TrainingData, card: ModelCard, predictor: Predictor, values: Float[ndarray, "n d"]
 ) -> Forecaster:
     """Add novelty and the card's warnings to a model."""
-    novelty = None
-    if card.supporters:
+    novelty, typical = None, np.zeros(0)
+    if card.supporters or card.features == ONE_VIEW_FEATURES:
         diameter_m = card.diameters_of(data.objects)
         novelty = Novelty.fit(data.estimates, card.principal, diameter_m)
         card = replace(card, smallest_p_value=novelty.smallest_p_value)
+        typical = np.median(values, axis=0) if card.supporters else median_row(values)
     card = replace(card, warnings=_limitations(data, novelty, predictor))
-    return Forecaster(card, predictor, novelty, np.median(values, axis=0))
+    return Forecaster(card, predictor, novelty, typical)
 
 
 def _limitations(
@@ -218,18 +254,30 @@ def _limitations(
         )
     if scenes == 1:
         out.append("trained on one scene: nothing is known about forecasts in other scenes")
-    elif isinstance(predictor, Blend) and outcomes and not predictor.is_calibrated:
+    elif outcomes and _lacks_calibration(predictor):
         out.append(
             "probabilities are not calibrated: that takes outcomes in two scenes or more, with "
             "successes and failures in each part"
         )
-    if novelty is not None and novelty.smallest_p_value > OOD_ALPHA:
+    if (alone := visibility_of(predictor)) is not None:
+        out.append(
+            f"one estimator: from one view forecasts rest on the object and {alone.most}, mostly "
+            "visibility, and are much weaker than those of a consensus or of several views"
+        )
+    elif novelty is not None and novelty.smallest_p_value > OOD_ALPHA:
         out.append(
             f"{count} instances give a smallest novelty p-value of {novelty.smallest_p_value:.3f}, "
             f"and the default level is {OOD_ALPHA:g}: only a disagreement larger than in training "
             f"is found out of distribution; train on {round(1 / OOD_ALPHA) - 1} or more"
         )
     return tuple(out)
+
+
+def _lacks_calibration(predictor: Predictor) -> bool:
+    """Whether forests could not be calibrated by out-of-fold predictions."""
+    if isinstance(predictor, Visibility):
+        return predictor.out_of_fold is None
+    return isinstance(predictor, Blend) and not predictor.is_calibrated
 
 
 def _diameters(objects: tuple[str, ...], models: Mapping[str, Models]) -> dict[str, float]:
@@ -245,6 +293,8 @@ def _card(
     data = scope.data
     own = data.own_success[data.is_tried]
     seen = () if data.views is None else (data.views.statistics, data.views.cam_T_fused)
+    if features == ONE_VIEW_FEATURES:
+        seen = (*seen, *data.estimates.seen.values())
     return ModelCard(
         principal=data.principal,
         supporters=data.estimates.supporters(data.principal),
@@ -291,18 +341,14 @@ def _scope(data: TrainingData, method: str) -> _Scope:
     InputError
         If that is too little.
     """
+    from_forests = method in _FORESTS
+    if data.views is None or not from_forests:
+        check_alone(data, method)
     if not data.has_truth.any() and (method == "two-stage" or data.simulated is not None):
         raise InputError(
             "the method two-stage, and simulated trials with any method, need ground truth, but no "
             "instance has a known true pose",
             parameters=("ground_truth", "bop", "method", "simulated"),
-        )
-    from_forests = method in _FORESTS
-    if len(data.estimates.estimators) < 2 and not (from_forests and data.views is not None):
-        raise InputError(
-            "a consensus takes at least two estimators, but there is 1: give the results of "
-            "another one too, or camera poses, so that several views of one estimator serve",
-            parameters=("estimates", "camera_poses"),
         )
     simulated: set[str] = set()
     if from_forests and data.simulated is not None:

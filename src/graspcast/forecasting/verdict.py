@@ -47,8 +47,9 @@ class Verdict:
     p_value
         Conformal p-value of the disagreement under the training data; None where not asked for.
     out_of_distribution
-        Whether the disagreement is too unusual to trust the forecast; None where the training data
-        are too few to tell, and no disagreement is larger than in training.
+        Whether the disagreement is too unusual to trust the forecast; None where that cannot be
+        told: the training data are too few, and no disagreement is larger than in training, or
+        there is a single estimator.
     attribution
         Groups of features and by how much each moved the probability, the strongest first; empty
         where not asked for.

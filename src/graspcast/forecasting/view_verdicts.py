@@ -40,6 +40,7 @@ BEST = "best"
 MOVED = (
     "the other views contradict the judged image: its estimates are wrong, or the object was moved"
 )
+"""Why nothing is forecast where the judged image's estimates were dropped."""
 
 
 @checked(fused=a(FusedEstimates), guide=a(str, type(None), words="a name, or None"))
@@ -56,11 +57,15 @@ def judge(
     min_gain: float = MIN_GAIN,
     motion: CameraMotion | None = None,
     noise: CameraNoise | None = None,
+    seen: Mapping[str, Float[ndarray, " n"]] | None = None,
 ) -> list[VerdictRow]:
     """Decide on every instance with as many views as there are.
 
     With several views the view model answers, with one the model of a single view; the reason says
     which. Where the other views contradict the judged image, the verdict is to abstain.
+
+    One view of one estimator is a weak forecast: below the threshold the advice is to look again,
+    also where the model was trained without views.
 
     Parameters
     ----------
@@ -85,6 +90,9 @@ def judge(
         Camera poses, for directions in the world's frame.
     noise
         Of the camera motion to a further look.
+    seen
+        What is known of a single estimator's estimates in the judged image, by name: ``score`` and
+        image fit, as :attr:`Estimates.seen` has them, (n,); the results' scores by default.
 
     Returns
     -------
@@ -101,6 +109,8 @@ def judge(
     if threshold is not None:
         check_threshold(threshold)
     frame = _Frame.of(forecaster, fused, models or {}, guide)
+    if seen is not None:
+        frame = replace(frame, seen=seen)
     options: dict[str, Any] = {"guarantee": guarantee, "ood_alpha": ood_alpha}
     rows: dict[int, VerdictRow] = {}
     several = np.flatnonzero(frame.several)
@@ -167,6 +177,7 @@ class _Frame:
     models: Mapping[str, Models]
     guide: str
     several: Bool[ndarray, " n"]
+    seen: Mapping[str, Float[ndarray, " n"]]
 
     @classmethod
     def of(
@@ -189,7 +200,8 @@ class _Frame:
         several = fused.views > 1
         if forecaster.view_model is None:
             several = np.zeros(len(fused), dtype=bool)
-        return cls(forecaster, fused, models, guide, several)
+        seen = {"score": fused.gathered.score[:, 0]} if len(fused.estimators) == 1 else {}
+        return cls(forecaster, fused, models, guide, several, seen)
 
     @cached_property
     def statistics(self) -> Float[ndarray, "n d"]:
@@ -276,7 +288,7 @@ class _Frame:
     ) -> None:
         """Replace, where a further look is allowed and pays, abstaining by looking again."""
         fused, forecaster = self.fused, self.forecaster
-        if forecaster.view_model is None:
+        if forecaster.view_model is None and forecaster.visibility is None:
             return
         known = np.isin(fused.instances.objects, forecaster.card.objects)
         taken = fused.gathered.present.any(axis=2).sum(axis=1)
@@ -338,6 +350,7 @@ class _Frame:
             name: self._single(name, rows[whole], poses[:, whole], options) for name in names
         }
         keys, out = fused.instances.select(rows).to_keys(), []
+        alone = self.forecaster.visibility is not None  # its verdicts say that it is one view
         place = np.cumsum(whole) - 1
         for j, i in enumerate(rows.tolist()):
             if whole[j]:
@@ -348,13 +361,15 @@ class _Frame:
                 name, there = first, gathered.present[i, 0]
                 missing = [e for e, t in zip(fused.estimators, there, strict=True) if not t]
                 verdict = Verdict(False, None, no_estimate_by(missing, {}))
+            if not (alone and verdict.probability is not None):
+                verdict = replace(verdict, reason=f"{verdict.reason}; one view")
             k = fused.estimators.index(name)
             est_id = int(gathered.est_id[i, k])
             row = VerdictRow(
                 keys[j]._replace(est_id=est_id) if est_id >= 0 else keys[j],
                 principal=name,
                 gripper=self.forecaster.card.gripper,
-                verdict=replace(verdict, reason=f"{verdict.reason}; one view"),
+                verdict=verdict,
                 cam_T_obj=poses[k, j],
             )
             out.append(row)
@@ -370,5 +385,10 @@ class _Frame:
         if not len(rows):
             return []
         forecaster = self.forecaster.guided_by(guide)
-        estimates = Estimates(self.fused.estimators, self.fused.instances.select(rows), poses)
+        estimates = Estimates(
+            self.fused.estimators,
+            self.fused.instances.select(rows),
+            poses,
+            seen={name: values[rows][None] for name, values in self.seen.items()},
+        )
         return forecaster.verdicts(estimates, self.models or None, **options)

@@ -15,8 +15,10 @@ on the Gradient of a Multi-Image*, 1986 (colour gradient).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,12 +28,20 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.meshes import Mesh
 from graspcast.errors import InputError, MismatchError, UnknownNameError
+from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import Instances
 from graspcast.forecasting.features import Features
 from graspcast.io.progress import Progress
 from graspcast.rendering.outline import REACH, Outline, outline_of
 
-__all__ = ["FIT_COLUMNS", "ImageFit", "describe_fit", "fit_of_instances", "image_fit"]
+__all__ = [
+    "FIT_COLUMNS",
+    "ImageFit",
+    "describe_fit",
+    "fit_of_instances",
+    "image_fit",
+    "with_image_fit",
+]
 
 _MEANING = {
     "fit_orientation": (
@@ -137,7 +147,8 @@ def image_fit(
 
     Parts of an outline outside the image do not count. There are no numbers for an object behind
     the camera or outside the image, whose pose is not sane, or of whose outline fewer than 12
-    pixels can be judged: a tiny one, or one that fills the image.
+    pixels can be judged: a tiny one, or one that fills the image. Nor are there any in an image
+    that has one colour throughout, as one taken in the dark.
 
     Parameters
     ----------
@@ -167,6 +178,8 @@ def image_fit(
             parameters=("cam_T_obj",),
         )
     values = np.full((len(meshes), len(FIT_COLUMNS)), np.nan)
+    if (rgb == rgb[0, 0]).all():
+        return ImageFit(values, ("the image has one colour throughout",) * len(meshes))
     problems = []
     for i, mesh in enumerate(meshes):
         found = outline_of(rgb, K, mesh, poses[i])
@@ -214,12 +227,13 @@ def fit_of_instances(
         )
     values = np.full((len(instances), len(FIT_COLUMNS)), np.nan)
     problems = [""] * len(instances)
+    images = {name: _images(dataset) for name, dataset in datasets.items()}
     rows_of: dict[tuple[str, int, int], list[int]] = {}
     for row, key in enumerate(instances.to_keys()):
         rows_of.setdefault((key.dataset, *key.image), []).append(row)
     for done, ((name, scene_id, im_id), rows) in enumerate(rows_of.items()):
         dataset = datasets[name]
-        if (scene_id, im_id) in dataset.images:
+        if (scene_id, im_id) in images[name]:
             image = dataset.image(scene_id, im_id)
             meshes = [dataset.models.mesh(int(instances.obj_id[row])) for row in rows]
             K = dataset.camera_of(scene_id, im_id).K
@@ -227,12 +241,77 @@ def fit_of_instances(
             values[rows] = found.values
             texts = found.problems
         else:
-            texts = (f"there is no image {scene_id}/{im_id}",) * len(rows)
+            texts = (f"{_NO_IMAGE} {scene_id}/{im_id}",) * len(rows)
         for row, text in zip(rows, texts, strict=True):
             problems[row] = text
         if progress is not None:
             progress((done + 1) / len(rows_of), "image fit")
     return ImageFit(values, tuple(problems))
+
+
+def with_image_fit(
+    estimates: Estimates,
+    datasets: Mapping[str, BopDataset],
+    notes: list[str] | None = None,
+    *,
+    progress: Progress | None = None,
+) -> Estimates:
+    """Add the image fit of every estimator's poses to what is known of estimates.
+
+    Parameters
+    ----------
+    estimates
+        Of n instances.
+    datasets
+        Dataset's name to the dataset; images may be missing, also all of a dataset.
+    notes
+        Gets how many instances have an image fit, and why others have none.
+    progress
+        Called with the share of the images that are done.
+
+    Raises
+    ------
+    MismatchError, FormatError
+        As :func:`fit_of_instances`.
+    InputError
+        If there is not one image of these instances.
+    """
+    found = []
+    for name in estimates.estimators:
+        fit = fit_of_instances(estimates.instances, estimates.of(name), datasets, progress=progress)
+        found.append(fit.values)
+        if fit.problems and all(text.startswith(_NO_IMAGE) for text in fit.problems):
+            raise InputError(
+                f"there is no image of any instance, for example: {fit.problems[0]}; leave images "
+                "out, or give directories that hold them (SCENE/rgb/IMAGE)",
+                parameters=("images", "bop"),
+            )
+        if notes is not None:
+            notes.append(_summary(name, fit.problems))
+    values = np.stack(found)
+    seen = {column: values[:, :, i] for i, column in enumerate(FIT_COLUMNS)}
+    return replace(estimates, seen={**estimates.seen, **seen})
+
+
+_NO_IMAGE = "there is no image"
+
+
+def _images(dataset: BopDataset) -> Mapping[tuple[int, int], Path]:
+    """Return a dataset's images; none where its directory holds none."""
+    return dataset.images if any(dataset.scenes.glob("*/rgb/*")) else {}
+
+
+def _summary(estimator: str, problems: Sequence[str]) -> str:
+    """Say how many instances have an image fit, and why others have none."""
+    lacking = [text for text in problems if text]
+    out = f"image fit of {len(problems) - len(lacking)} of {len(problems)} instances"
+    kinds: dict[str, list[str]] = {}
+    for text in lacking:
+        kinds.setdefault(re.sub(r"[-+.\d]*\d(/\d+)?", "N", text), []).append(text)
+    for texts in kinds.values():
+        more = ", …" if len(set(texts)) > 1 else ""
+        out += f"; none of {len(texts)}: {texts[0]}{more}"
+    return f"{estimator}: {out}"
 
 
 def _checked_image(image: Any) -> UInt8[ndarray, "h w 3"]:

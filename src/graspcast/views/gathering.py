@@ -51,6 +51,8 @@ class Gathered:
     est_id
         Each estimator's own ``est_id`` of its estimate in the judged image, -1 where there is none,
         (n, K).
+    score
+        The estimators' scores of these estimates, NaN where there is none, (n, K).
     doubtful
         How many views were left out since it is not sure which instance is which, (n,).
     single
@@ -67,6 +69,7 @@ class Gathered:
     motion_covariance: Float[ndarray, "n v 6 6"]
     view_im_id: Int[ndarray, "n v"]
     est_id: Int[ndarray, "n k"]
+    score: Float[ndarray, "n k"]
     doubtful: Int[ndarray, " n"]
     single: Mapping[str, int] = field(default_factory=dict)
     left_out: Mapping[str, int] = field(default_factory=dict)
@@ -261,12 +264,13 @@ def _filled(work: _Gatherer, keys: Instances, found: list[_Row]) -> Gathered:
         cam_T_view[i, there], noise[i, there] = row.cam_T_view, row.noise
         covariance[i, there] = row.covariance
     poses = np.tile(np.eye(4), (n, V, K, 1, 1))
-    est_id = np.full((n, K), -1)
+    est_id, score = np.full((n, K), -1), np.full((n, K), np.nan)
     for k, table in enumerate(work.tables):
         is_there = rows[..., k] >= 0
         poses[:, :, k][is_there] = table.cam_T_obj[rows[..., k][is_there]]
         judged = is_there[:, 0]
         est_id[judged, k] = estimate_ids(table)[rows[judged, 0, k]]
+        score[judged, k] = table.score[rows[judged, 0, k]]
     return Gathered(
         keys,
         poses,
@@ -276,6 +280,7 @@ def _filled(work: _Gatherer, keys: Instances, found: list[_Row]) -> Gathered:
         covariance,
         view_im_id,
         est_id,
+        score,
         np.array([row.doubtful for row in found], dtype=np.int64),
         dict(work.single),
         dict(work.left_out),

@@ -47,6 +47,9 @@ class Look:
         Intrinsics in pixels, (3, 3). They are checked, and may differ between looks.
     time_s
         When it was, seconds; later looks have later times.
+    seen
+        What else is known of the one estimate of a single estimator, by name: ``score`` and image
+        fit, each (1, 1). None where the estimates are results, which state scores.
     results
         The estimates as results.
     datasets
@@ -65,6 +68,7 @@ class Look:
     world_T_cam: Float[ndarray, "4 4"] | None = None
     K: Float[ndarray, "3 3"] | None = None
     time_s: float | None = None
+    seen: Mapping[str, Float[ndarray, "1 1"]] | None = None
     results: Mapping[str, Results] = field(init=False, default_factory=dict)
     datasets: frozenset[str] = field(init=False, default=frozenset())
     image: tuple[int, int] | None = field(init=False, default=None)
@@ -76,6 +80,8 @@ class Look:
         datasets: set[str] = set()
         images: set[tuple[int, int]] = set()
         tables = {}
+        if self.seen is None and not all(isinstance(t, Results) for t in self.estimates.values()):
+            object.__setattr__(self, "seen", {})
         for name, given in self.estimates.items():
             if isinstance(given, Results):
                 images |= set(zip(given.scene_id.tolist(), given.im_id.tolist(), strict=True))

@@ -116,7 +116,7 @@ def test_asked_without_images_it_equals_a_model_trained_without_them(
 
 def test_a_score_that_is_always_the_same_is_no_score(world: World) -> None:
     model = world.fit(changed(world.features, slice(6, 7), 0.0))
-    assert not model.uses_score
+    assert "score" not in model.most
     assert set(model.parts) == {"pose", "fit"}
     assert model.rests_on(world.features.values[:1], world.numbers[:1]) == (
         "the pose and the image",

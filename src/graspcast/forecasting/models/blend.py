@@ -22,6 +22,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.errors import MismatchError
+from graspcast.forecasting.models.base import Predictor
 from graspcast.forecasting.models.calibration import expit, logit
 from graspcast.forecasting.models.encoding import one_hot_numbers
 from graspcast.forecasting.models.forest import Forest
@@ -33,8 +34,9 @@ from graspcast.forecasting.models.two_stage import (
     expected_success,
 )
 from graspcast.forecasting.models.view_model import ViewModel
+from graspcast.forecasting.models.visibility import Visibility
 
-__all__ = ["Blend", "ForestSettings"]
+__all__ = ["Blend", "ForestSettings", "visibility_of"]
 
 _MAX_DRAWS = 100_000
 
@@ -96,6 +98,8 @@ class Blend:
         The out-of-fold predictions, or None without calibration.
     views
         The view model, or None; it judges by ``success_given_error`` too.
+    visibility
+        What one view of one estimator is forecast by, where there is no supporter, or None.
     """
 
     direct: Forest | None
@@ -110,6 +114,7 @@ class Blend:
     calibration: Float[ndarray, "2 2"]
     out_of_fold: OutOfFold | None = None
     views: ViewModel | None = None
+    visibility: Visibility | None = None
 
     @property
     def is_calibrated(self) -> bool:
@@ -161,6 +166,8 @@ class Blend:
         MismatchError
             For an object without outcomes or simulated trials, if there is no direct forest.
         """
+        if self.visibility is not None:
+            return self.visibility.probability(features, objects)
         mixed, _ = self.raw(features, objects)
         if np.isnan(mixed).any():
             raise MismatchError(
@@ -209,10 +216,11 @@ class Blend:
         return out
 
     @property
-    def _parts(self) -> Bool[ndarray, "4"]:
+    def _parts(self) -> Bool[ndarray, " p"]:
         """Which parts there are, by which a file that lacks one is found."""
         parts = (self.direct, self.errors, self.success_given_error, self.views)
-        return np.array([part is not None for part in parts])
+        one_view = () if self.visibility is None else (True,)
+        return np.array([*(part is not None for part in parts), *one_view])
 
     def to_arrays(self, *, shared: bool = True) -> dict[str, ndarray]:
         """Return everything learned as named arrays; without what guides share if asked."""
@@ -230,6 +238,8 @@ class Blend:
             out |= self.success_given_error.forest.to_arrays("success_given_error")
         if shared and self.views is not None:
             out |= self.views.to_arrays("views")
+        if self.visibility is not None:
+            out |= {f"visibility/{k}": v for k, v in self.visibility.to_arrays().items()}
         return out
 
     @classmethod
@@ -254,6 +264,11 @@ class Blend:
             views = shared.views
         if "errors/f/roots" in arrays:
             errors = ErrorModel.from_arrays(arrays, "errors")
+        below = {
+            name.removeprefix("visibility/"): array
+            for name, array in arrays.items()
+            if name.startswith("visibility/")
+        }
         if "direct/roots" in arrays:
             direct = Forest.from_arrays(arrays, "direct")
         if "views/calibration" in arrays:
@@ -277,7 +292,15 @@ class Blend:
             arrays["calibration"],
             OutOfFold.from_arrays(arrays) if "out_of_fold/image" in arrays else None,
             views,
+            Visibility.from_arrays(below) if below else None,
         )
         if not np.array_equal(out._parts, arrays["parts"]):
             raise ValueError("a part of the model is missing")
         return out
+
+
+def visibility_of(predictor: Predictor) -> Visibility | None:
+    """Return what a predictor forecasts one view of one estimator by, or None."""
+    if isinstance(predictor, Visibility):
+        return predictor
+    return predictor.visibility if isinstance(predictor, Blend) else None

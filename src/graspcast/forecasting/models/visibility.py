@@ -199,9 +199,14 @@ class Visibility:
         return bool({"fit", "score_fit"} & set(self.parts))
 
     @property
-    def uses_score(self) -> bool:
-        """Whether scores make a difference."""
-        return bool({"score", "score_fit"} & set(self.parts))
+    def most(self) -> str:
+        """What a forecast rests on where everything is known, besides the object, in words."""
+        return _PARTS[list(self.parts)[-1]]
+
+    @property
+    def tried(self) -> Bool[ndarray, " o"]:
+        """Which objects have outcomes, and so can be forecast, (objects,)."""
+        return self.parts["pose"].tried
 
     def probability(
         self, features: Float[ndarray, "n d"], objects: Int[ndarray, " n"]
@@ -256,7 +261,7 @@ class Visibility:
                 f"this model takes the {len(self.names)} columns {', '.join(self.names)}, or the "
                 f"first {_OWN + 1} of them without images, not {width}"
             )
-        if not np.isin(objects, np.flatnonzero(self.parts["pose"].tried)).all():
+        if not np.isin(objects, np.flatnonzero(self.tried)).all():
             raise MismatchError(
                 "one estimator's single view cannot forecast an object without outcomes in "
                 "training; train with outcomes of the object",

@@ -1,0 +1,106 @@
+"""Training for one view of one estimator, which nothing can contradict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from graspcast.errors import InputError
+from graspcast.estimates.instances import scene_groups, unit_names
+from graspcast.forecasting.models.blend import Blend, ForestSettings
+from graspcast.forecasting.models.encoding import UNSEEN
+from graspcast.forecasting.models.visibility import Visibility, VisibilitySettings
+from graspcast.forecasting.training_data import TrainingData
+from graspcast.forecasting.visibility_features import features_of_one
+from graspcast.io.progress import Progress
+
+__all__ = [
+    "ALONE",
+    "check_alone",
+    "fit_alone",
+    "learns_alone",
+    "visibility_settings",
+    "with_alone",
+]
+
+ALONE = "visibility"
+"""The method of a forecaster of one estimator that was trained without views."""
+_LEAST = 10
+
+
+def learns_alone(data: TrainingData) -> bool:
+    """Whether one estimator's single view is to be forecast, and there is enough to learn it."""
+    tried, successes = int(data.is_tried.sum()), int((data.own_success == 1).sum())
+    return len(data.estimates.estimators) == 1 and tried >= _LEAST and 0 < successes < tried
+
+
+def check_alone(data: TrainingData, method: str) -> None:
+    """Raise if there is a single estimator, without views, of which a method can learn nothing.
+
+    Raises
+    ------
+    InputError
+        Saying what would help.
+    """
+    if len(data.estimates.estimators) > 1:
+        return
+    if method not in ("blend", "direct"):
+        raise InputError(
+            f"the method {method} takes at least two estimators, but there is 1: give the results "
+            "of another one too, or choose the method blend, which then forecasts by visibility",
+            parameters=("estimates", "method"),
+        )
+    if data.simulated is not None and not data.is_tried.any():
+        raise InputError(
+            "one view of one estimator is forecast by what was seen where its grasps succeeded, so "
+            "it takes their outcomes; simulated trials serve with two estimators or camera poses",
+            parameters=("outcomes", "estimates", "camera_poses"),
+        )
+
+
+def visibility_settings(settings: ForestSettings) -> VisibilitySettings:
+    """Return the settings of a visibility model by those of forests."""
+    return VisibilitySettings(trees=settings.trees, folds=settings.folds, seed=settings.seed)
+
+
+def fit_alone(
+    data: TrainingData,
+    objects: Sequence[str],
+    settings: ForestSettings,
+    *,
+    progress: Progress | None = None,
+) -> Visibility:
+    """Train on the outcomes of a single estimator, by what is known of its estimates.
+
+    Parameters
+    ----------
+    data
+        Instances of one estimator; :attr:`Estimates.seen` has score and image fit.
+    objects
+        Names of the objects to forecast.
+    settings
+        Of the forests.
+    progress
+        Called with the share of the work that is done and a message.
+    """
+    number = {name: i for i, name in enumerate(objects)}
+    numbers = [number.get(name, UNSEEN) for name in data.objects.tolist()]
+    keys = data.estimates.instances
+    return Visibility.fit(
+        features_of_one(data.estimates),
+        data.own_success,
+        np.array(numbers, dtype=np.int64),
+        scene_groups(keys),
+        unit_names(keys, "image"),
+        objects=len(objects),
+        settings=visibility_settings(settings),
+        progress=progress,
+    )
+
+
+def with_alone(blend: Blend, visibility: Visibility) -> Blend:
+    """Return a model of several views that answers for one view too."""
+    kept = visibility.out_of_fold
+    return replace(blend, visibility=replace(visibility, out_of_fold=None), out_of_fold=kept)
