@@ -15,6 +15,7 @@ from graspcast.estimates.instances import Instances, unit_names
 from graspcast.estimates.outcomes import join_outcomes
 from graspcast.evaluation.bootstrap import Interval, original_and_draws
 from graspcast.evaluation.verdict_scores import verdict_table
+from graspcast.forecasting.looking import ended_stages
 from graspcast.forecasting.verdict import VerdictRow
 
 __all__ = ["LookScores", "PolicyScore", "Stage", "score_looks"]
@@ -108,7 +109,7 @@ def score_looks(stages: Sequence[Stage], *, draws: int = 2000, seed: int = 0) ->
     attempt, success, views, again = (x[:, known] for x in (attempt, success, views, again))
     scene, numbers = np.unique(names, return_inverse=True)
     counts = original_and_draws(scene.tolist(), draws, seed)
-    end, every = _ends(again), np.arange(attempt.shape[1])
+    end, every = ended_stages(again[:-1]), np.arange(attempt.shape[1])
     last = len(stages) - 1
     looks = "two looks" if last == 1 else "three looks" if last == 2 else f"{last + 1} looks"
     ends: dict[str, tuple[ndarray, bool]] = {
@@ -146,13 +147,6 @@ def _columns(stage: Stage) -> tuple[ndarray, ndarray, ndarray, ndarray]:
 def _place(row: VerdictRow) -> tuple[str, int, int, int]:
     """Return whose instance it is, but for ``est_id``, which is each guide's own."""
     return row.key.dataset, row.key.scene_id, row.key.im_id, row.key.obj_id
-
-
-def _ends(again: Bool[ndarray, "s n"]) -> Int[ndarray, " n"]:
-    """Return the first stage whose verdict is not to look again, or the last."""
-    going = again.copy()
-    going[-1] = False
-    return np.asarray(np.argmin(going, axis=0))
 
 
 def _scored(
