@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -18,7 +19,7 @@ from graspcast.forecasting.verdict import InstanceLooks, VerdictRow
 from graspcast.forecasting.view_verdicts import FUSED
 from graspcast.views.camera_motion import CameraMotion
 
-__all__ = ["PolicyRun", "ended_stages", "run_policy"]
+__all__ = ["PolicyRun", "ended_stages", "run_at_once", "run_policy"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +159,27 @@ def run_policy(
     ended = ended_stages(np.array(asked, dtype=bool).reshape(more.shape) & more)
     chosen = [stages[end][i] for i, end in enumerate(ended.tolist())]
     return PolicyRun(fused.instances, chosen, ended + 1, tuple(stages), taken[-1])
+
+
+def run_at_once(
+    forecaster: Forecaster,
+    inputs: Inputs,
+    dataset: str,
+    motion: CameraMotion | None,
+    settings: ViewSettings,
+    **options: Any,
+) -> PolicyRun:
+    """Judge the recorded images of one dataset with all the views there are, as a run of one stage.
+
+    Parameters
+    ----------
+    forecaster, inputs, dataset, motion, settings, options
+        As for :func:`run_policy`, but for ``settings.max_views``, which is used. A fused pose that
+        guides is named ``fused``.
+    """
+    fused, rows = judge_recorded(forecaster, inputs, dataset, motion, settings, **options)
+    once = np.ones(len(rows), dtype=np.int64)
+    return PolicyRun(fused.instances, rows, once, (rows,), once)
 
 
 def _named(row: VerdictRow, looks: int) -> VerdictRow:

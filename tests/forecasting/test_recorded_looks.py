@@ -10,7 +10,8 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.errors import MismatchError
 from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.fallbacks import Fallbacks
-from graspcast.forecasting.recorded_verdicts import ViewSettings, verdicts_with_views
+from graspcast.forecasting.recorded_looks import verdicts_with_views
+from graspcast.forecasting.recorded_verdicts import ViewSettings
 from looked_at import trained, training
 
 
