@@ -190,6 +190,8 @@ def _print_guarantees(certificate: Certificate, unit: str) -> None:
     title = (
         f"success rate >= {certificate.rate:g}, confidence {certificate.confidence:g} ({together})"
     )
+    if certificate.policy is not None:
+        title += f"; {certificate.policy}"
     header = ["scope", "threshold", "reported at", f"{unit}s", "drawn attempts", "succeeded"]
     header += ["lower bound", "attempt rate", "interval", "success rate", f"{unit}s needed"]
     print_table(title, header, [_row(g) for g in certificate.guarantees])

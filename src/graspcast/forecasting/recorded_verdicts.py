@@ -140,10 +140,13 @@ def policy_of(forecaster: Forecaster, settings: ViewSettings, *, views: bool) ->
 
 
 def guides_of(forecaster: Forecaster, policy: LookPolicy | None) -> list[str]:
-    """Return all names of estimators and fused poses that guide attempts under a policy."""
+    """Return all names of estimators and fused poses that guide attempts under a policy.
+
+    Episodes call every fused pose ``fused``, runs over recorded images ``fused2`` and so on.
+    """
     if policy is None or policy.guide not in (FUSED, BEST):
         return [forecaster.card.principal if policy is None else policy.guide]
-    fused = [f"{FUSED}{looks}" for looks in range(2, policy.max_looks + 1)] or [FUSED]
+    fused = [FUSED, *(f"{FUSED}{looks}" for looks in range(2, policy.max_looks + 1))]
     fused = fused if policy.views else []
     if policy.guide == FUSED:
         return [forecaster.card.principal, *fused]
