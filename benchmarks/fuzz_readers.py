@@ -30,11 +30,13 @@ from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
 from graspcast.forecasting.models.mlp.types import MlpSettings
+from graspcast.forecasting.stage_file import read_stages, write_stages
 from graspcast.forecasting.train import train_forecaster
-from graspcast.forecasting.verdict import verdict_rows
+from graspcast.forecasting.verdict import InstanceLooks, verdict_rows
 from graspcast.forecasting.verdict_file import read_verdicts, write_verdicts
 from graspcast.guarantees.certificate import Certificate
 from graspcast.guarantees.certify import certify
+from graspcast.guarantees.look_policy import LookPolicy
 from graspcast.guarantees.monitor_state import MonitorState
 from graspcast.io.tables import parquet_bytes
 from graspcast.paper.published_split import read_split
@@ -212,6 +214,7 @@ READERS = (
     Reader("outcomes.parquet", read_outcomes, (partial(_parquet, digest=True), *_BYTES)),
     Reader("foreign.parquet", read_outcomes, (partial(_parquet, digest=False), *_BYTES), 0.001),
     Reader("verdicts.csv", read_verdicts, _TEXT, 2),
+    Reader("stages.csv", read_stages, _TEXT, 2),
     Reader("split.csv", read_split, _TEXT),
     Reader("camera_matrices.csv", read_camera_motion, _TEXT),
     Reader("camera_quaternions.csv", read_camera_motion, _TEXT),
@@ -395,6 +398,10 @@ def _models(folder: Path) -> None:
     verdicts = trained["threshold"].verdicts(estimates, models)
     rows = verdict_rows(estimates, verdicts, principal="a", gripper="parallel")
     write_verdicts(folder / "verdicts.csv", rows)
+    write_stages(
+        folder / "stages.csv",
+        [InstanceLooks((row, row), 1 if row.verdict.look is None else 2) for row in rows],
+    )
     n = np.array(["d-1", "d-2"])
     columns = (np.array([0.25, 0.5]), np.array([True, False]), n, n)
     Forecasts("unseen_scenes", "m", "a", "parallel", *columns).save(folder / "forecasts.npz", "x")
@@ -405,6 +412,8 @@ def _guarantees(folder: Path) -> None:
 
     n = np.arange(80)
     found = certify(np.full(80, 0.95), n >= 0, n // 2, **ASKED)
+    policy = LookPolicy("fused", True, 3, 3, "earlier", 12.0, 0.001, 0.0017, 0.02)
+    found = replace(found, policy=policy)
     for name in ("certificate.json", "certificate_of_monitor.json"):
         replace(found, provenance={"model": "0", "ood_alpha": 0.01}).save(folder / name)
     certificate = folder / "certificate_of_monitor.json"

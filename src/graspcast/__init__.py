@@ -48,9 +48,10 @@ if TYPE_CHECKING:
     from graspcast.estimates.loading import load_inputs
     from graspcast.estimates.matching import true_poses
     from graspcast.estimates.outcomes import read_outcomes
-    from graspcast.evaluation.certification import certify_forecaster
+    from graspcast.evaluation.certification import GuaranteeOptions, certify_forecaster
     from graspcast.evaluation.cross_validation import cross_validate
     from graspcast.evaluation.estimator_comparison import compare
+    from graspcast.evaluation.policy_certification import certify_policy
     from graspcast.evaluation.verdict_scores import score_verdicts
     from graspcast.forecasting.episode_verdict import EpisodeVerdict
     from graspcast.forecasting.episodes import Episode, Episodes
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
     from graspcast.forecasting.features import consensus_features
     from graspcast.forecasting.forecaster import Forecaster
     from graspcast.forecasting.models.blend import ForestSettings
+    from graspcast.forecasting.recorded_verdicts import ViewSettings
     from graspcast.forecasting.train import train_forecaster
     from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
     from graspcast.forecasting.verdict import Verdict, VerdictRow
@@ -103,9 +105,10 @@ _HOME = {
     "estimates.loading": ("load_inputs",),
     "estimates.matching": ("true_poses",),
     "estimates.outcomes": ("read_outcomes",),
-    "evaluation.certification": ("certify_forecaster",),
+    "evaluation.certification": ("GuaranteeOptions", "certify_forecaster"),
     "evaluation.cross_validation": ("cross_validate",),
     "evaluation.estimator_comparison": ("compare",),
+    "evaluation.policy_certification": ("certify_policy",),
     "evaluation.verdict_scores": ("score_verdicts",),
     "forecasting.episode_verdict": ("EpisodeVerdict",),
     "forecasting.episodes": ("Episode", "Episodes"),
@@ -113,6 +116,7 @@ _HOME = {
     "forecasting.features": ("consensus_features",),
     "forecasting.forecaster": ("Forecaster",),
     "forecasting.models.blend": ("ForestSettings",),
+    "forecasting.recorded_verdicts": ("ViewSettings",),
     "forecasting.train": ("train_forecaster",),
     "forecasting.training_data": (
         "SimulatedTrials",

@@ -13,6 +13,7 @@ from commands import refused
 from graspcast.bop.results import write_results
 from graspcast.cli import main
 from graspcast.forecasting.forecaster import Forecaster
+from graspcast.guarantees.certificate import Certificate
 from looked_at import CAMERAS, NAMES, SCENES, Training, training
 
 
@@ -100,6 +101,80 @@ def test_one_model_serves_several_views_one_view_and_every_guide(
     assert {row["principal"] for row in by_b} == {"b"}
 
 
+def trials_of(stages: Path, out: Path) -> Path:
+    """Write outcomes of all grasps in a file of verdicts after each look: likely ones succeed."""
+    with stages.open() as stream:
+        rows = list(csv.DictReader(stream))
+    lines = ["estimator,dataset,scene_id,im_id,obj_id,est_id,gripper,success"]
+    for row in rows:
+        held = int(float(row["probability"] or 0) > 0.6)
+        key = [row[name] for name in ("dataset", "scene_id", "im_id", "obj_id", "est_id")]
+        lines.append(",".join([row["principal"], *key, "parallel", str(held)]))
+    out.write_text("\n".join(lines))
+    return out
+
+
+def test_looking_again_is_scored_certified_predicted_and_monitored(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    poses = ("--camera-poses", str(folder / "cameras.csv"), "--views-from", "all")
+    model = tmp_path / "model.npz"
+    assert train(folder, model, "--camera-poses", str(folder / "cameras.csv")) == 0
+    looking = (*poses, "--guide", "fused", "--max-looks", "3")
+    stages, figures = tmp_path / "stages.csv", tmp_path / "figures.json"
+    rows = predict(folder, model, *looking, "--stages", str(stages))
+    assert len(rows) == SCENES * len(CAMERAS) * 2
+    trials = trials_of(stages, tmp_path / "trials.csv")
+
+    score = ["score", "--stages", str(stages), "--outcomes"]
+    assert main([*score, str(trials), "--json", str(figures)]) == 0
+    assert "always three looks" in capsys.readouterr().out
+    content = json.loads(figures.read_text())
+    again = content["policies"][2]
+    assert content["n"] == len(rows) and content["untried"] == 0
+    assert again["attempts"] == sum(row["verdict"] == "attempt" for row in rows)
+    err = refused([*score, str(folder / "outcomes.csv")], capsys)
+    assert "no outcomes of fused2 on d" in err and "up to 2 views" in err
+    assert "holds the verdicts after each look" in refused(
+        ["score", "--verdicts", str(stages), "--outcomes", str(trials)], capsys
+    )
+
+    promise = tmp_path / "promise.json"
+    certify = ["certify", *inputs(folder), "--model", str(model), "--outcomes", str(trials)]
+    certify += ["--unit", "image", "--rate", "0.7", "--allow-training-scenes"]
+    assert main([*certify, *looking, "--out", str(promise)]) == 0
+    said = capsys.readouterr()
+    assert "guide fused, up to 3 looks" in said.out and "around the target rate" in said.err
+    certificate = Certificate.load(promise)
+    assert certificate.overall.threshold is not None
+
+    verdicts = tmp_path / "certified.csv"
+    certified = ["predict", *inputs(folder), "--model", str(model), "--out", str(verdicts)]
+    certified += ["--certificate", str(promise)]
+    assert main([*certified, *looking]) == 0
+    with verdicts.open() as stream:
+        attempts = [row for row in csv.DictReader(stream) if row["verdict"] == "attempt"]
+    assert len(attempts) == certificate.overall.attempts
+    assert {row["principal"] for row in attempts} <= {"a", "fused2", "fused3"}
+    other = refused([*certified, *poses, "--guide", "best", "--max-looks", "3"], capsys)
+    assert "guide is fused, not best" in other and "(see --guide)" in other
+    assert "but the verdicts are of one view" in refused(certified, capsys)
+
+    log, state = tmp_path / "log.csv", tmp_path / "state.json"
+    header, *lines = trials.read_text().splitlines()
+    tried = {(r["principal"], r["scene_id"], r["im_id"], r["obj_id"]) for r in attempts}
+    mine = [line for line in lines if (f := line.split(","))[0] and (f[0], *f[2:5]) in tried]
+    log.write_text("\n".join([header, *mine]) + "\n")
+    monitor = ["monitor", "--certificate", str(promise), "--attempt-log", str(log)]
+    assert main([*monitor, "--state", str(state)]) == 0
+    log.write_text(
+        "\n".join([header, *mine, mine[0].replace(mine[0].split(",")[0], "b", 1)]) + "\n"
+    )
+    assert "estimator b, but the guarantee is for a, fused, fused2, fused3" in refused(
+        [*monitor, "--state", str(tmp_path / "new.json")], capsys
+    )
+
+
 def test_one_estimator_is_enough_with_views(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -135,6 +210,8 @@ def test_what_does_not_fit_is_told(
     assert "unknown guide 'z'" in refused([*asked, "--guide", "z"], capsys)
     wrong = ("--camera-poses", f"other={folder / 'cameras.csv'}")
     assert "no estimates of other" in refused([*asked, *wrong], capsys)
+    looks = [*asked, "--stages", str(tmp_path / "s.csv")]
+    assert "take two looks or more (see --max-looks)" in refused(looks, capsys)
     assert "already camera poses of d" in refused([*asked, *poses, *poses], capsys)
     given = ["train", *inputs(folder), "--principal", "a", "--gripper", "parallel", *poses]
     given += ["--outcomes", str(folder / "outcomes.csv"), "--out", str(tmp_path / "y.npz")]

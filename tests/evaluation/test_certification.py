@@ -74,6 +74,18 @@ def test_what_is_out_of_distribution_is_not_attempted(
     assert (none.overall.attempts, none.overall.threshold) == (0, None)
 
 
+def test_what_is_abstained_from_is_no_attempt_at_threshold_0(
+    forecaster: Forecaster, calibration: TrainingData
+) -> None:
+    """A sequence learned from few units ends at their least probability, here 0."""
+    options = {"rate": 0.3, "confidence": 0.8, "sequence_share": 0.3, "unit": "image"}
+    found = certify_forecaster(forecaster, calibration, ood_alpha=0.5, **options)  # type: ignore[arg-type]
+    assert found.sequence.thresholds[-1] == 0.0
+    assert found.overall.threshold == 0.0
+    certain = [v.may_attempt for v in forecaster.verdicts(calibration.estimates, ood_alpha=0.5)]
+    assert 0 < found.overall.attempts <= sum(certain) < len(certain)
+
+
 @pytest.mark.ill_typed
 def test_the_sequence_is_learned_from_out_of_fold_predictions(
     forecaster: Forecaster, calibration: TrainingData

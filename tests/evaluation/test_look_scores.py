@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 import pytest
 
-from graspcast.errors import MismatchError
+from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.instances import InstanceKey
-from graspcast.evaluation.look_scores import Stage, score_looks
+from graspcast.evaluation.look_scores import Stage, check_covered, score_looks, stages_of
 from graspcast.evaluation.verdict_scores import verdict_table
-from graspcast.forecasting.verdict import Verdict, VerdictRow
+from graspcast.forecasting.verdict import InstanceLooks, Verdict, VerdictRow
 from graspcast.views.next_look import NextLook
 
 AHEAD = np.array([0.0, 0.0, 1.0])
@@ -79,3 +81,51 @@ def test_stages_of_different_instances_are_refused() -> None:
         score_looks([stage("aaaa", "1111", "1111"), stage("aa", "22", "11")])
     # Each guide numbers its estimates by itself.
     score_looks([stage("aa", "11", "11"), stage("aa", "22", "11", est_id=1)])
+
+
+def looked(*said: str, images: str, guides: tuple[str, ...] = ("a", "f2", "f3")) -> InstanceLooks:
+    """Verdicts on one instance by letter, as many as it has images."""
+    rows = [
+        stage(letter, "1", "1", guide=guide).verdicts[0]
+        for letter, guide in zip(said, guides, strict=False)
+    ]
+    return InstanceLooks(tuple(rows[: int(images)]), 1)
+
+
+def test_an_instance_with_fewer_images_keeps_its_last_verdict() -> None:
+    looks = [
+        replace_place(looked("l", "l", "a", images="3"), 0),
+        replace_place(looked("l", "a", "n", images="2"), 1),
+        replace_place(looked("l", images="1"), 2),
+    ]
+    outcomes = pl.concat(
+        verdict_table(list(each.rows)).with_columns(success=pl.lit(1)) for each in looks
+    ).drop("attempt", "probability")
+    stages = stages_of(looks, outcomes)
+    said = [[str(row.verdict) for row in s.verdicts] for s in stages]
+    assert said[1] == ["look again", "attempt", "look again"]
+    assert said[2] == ["attempt", "attempt", "look again"]
+    assert [s.looks.tolist() for s in stages if s.looks is not None][2] == [3, 2, 1]
+    found = score_looks(stages)
+    assert (found.policies[2].attempts, found.policies[2].looks) == (2, 2.0)
+    some = outcomes.filter(~((pl.col("estimator") == "f3") & (pl.col("scene_id") == 0)))
+    with pytest.raises(MismatchError, match="no outcomes of f3 on d"):
+        stages_of(looks, some)
+    scored = score_looks(stages_of(looks[1:], some))
+    assert (scored.n, scored.untried) == (2, 0)
+    assert scored.as_dict()["policies"][0]["success"]["value"] == 1.0
+    with pytest.raises(InputError, match="no verdicts"):
+        stages_of([], outcomes)
+
+
+def replace_place(looks: InstanceLooks, scene: int) -> InstanceLooks:
+    """Return the same verdicts on an instance of another scene."""
+    rows = (replace(row, key=row.key._replace(scene_id=scene)) for row in looks.rows)
+    return replace(looks, rows=tuple(rows))
+
+
+def test_guides_without_outcomes_are_named_with_what_makes_them() -> None:
+    given = stage("aa", "11", "11", guide="fused2")
+    check_covered(given.verdicts, given.outcomes)
+    with pytest.raises(MismatchError, match=r"fused2 are trials .* fused from up to 2 views"):
+        check_covered(given.verdicts, stage("aa", "11", "11").outcomes)

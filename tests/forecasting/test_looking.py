@@ -12,7 +12,7 @@ from graspcast import Forecaster
 from graspcast.bop.dataset import BopDataset
 from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.loading import Inputs
-from graspcast.forecasting.looking import PolicyRun, run_policy
+from graspcast.forecasting.looking import PolicyRun, ended_stages, run_at_once, run_policy
 from graspcast.forecasting.recorded_verdicts import ViewSettings, fused_of
 from looked_at import CAMERAS, NAMES, trained
 from static_scenes import estimates_of, motion_of, objects, scattered, seen
@@ -127,3 +127,48 @@ def test_the_looks_of_a_stage_hold_those_of_the_stage_before(world: World) -> No
     ]
     assert [int(present.sum(axis=1).max()) for present in given] == [1, 2, 3]
     np.testing.assert_array_equal(given[1], given[2][:, :2])
+
+
+def test_a_run_at_threshold_1_holds_the_forecasts_of_the_policy_at_any_threshold(
+    world: World,
+) -> None:
+    probability = world.run(1.0).probability
+    asked = np.nanquantile(probability, [0.05, 0.2, 0.5, 0.8]).tolist()
+    taken = set()
+    for threshold in (0.0, *asked, 1.0):
+        run = world.run(threshold)
+        reached = probability >= threshold
+        attempts = np.array([row.verdict.attempt for row in run.rows])
+        np.testing.assert_array_equal(attempts, reached.any(axis=1))
+        np.testing.assert_array_equal(run.looks[attempts], reached.argmax(axis=1)[attempts] + 1)
+        last = (run.looks - 1)[attempts]
+        at = probability[attempts, last]
+        said = [row.verdict.probability for row in run.rows if row.verdict.attempt]
+        assert at.tolist() == said
+        taken.add(int(run.looks.sum()))
+    assert len(taken) > 2
+
+
+def test_each_instance_has_a_verdict_for_every_image_there_was(world: World) -> None:
+    run = world.run(0.7, views_from="earlier")
+    assert [len(each.rows) for each in run.each] == run.images.tolist()
+    assert set(run.images.tolist()) == {1, 2, 3}
+    for i, each in enumerate(run.each):
+        assert each.last is run.rows[i] and each.ended == run.looks[i]
+        assert all(row is run.stages[s][i] for s, row in enumerate(each.rows))
+
+
+def test_all_views_at_once_are_a_run_of_one_stage(world: World) -> None:
+    settings = ViewSettings(views_from="all", guide="fused", max_views=2)
+    given = world.forecaster, world.inputs(), "d", MOTION, settings
+    run = run_at_once(*given, threshold=0.7)
+    assert {row.views for row in run.rows} == {2} and len(run.stages) == 1
+    assert {row.principal for row in run.rows} == {"fused"}
+    assert set(run.looks.tolist()) == {1}
+    assert run.probability.shape == (len(run.rows), 1)
+
+
+def test_looking_ends_where_it_does_not_go_on() -> None:
+    goes_on = np.array([[1, 0, 1, 1], [0, 1, 1, 0]], dtype=bool)
+    assert ended_stages(goes_on).tolist() == [1, 0, 2, 1]
+    assert ended_stages(np.empty((0, 3), dtype=bool)).tolist() == [0, 0, 0]

@@ -1,4 +1,4 @@
-"""Verdicts on recorded estimates with camera poses."""
+"""Policies in words that a certificate can hold, and who guides under them."""
 
 from __future__ import annotations
 
@@ -6,33 +6,72 @@ from dataclasses import replace
 
 import pytest
 
-from graspcast.bop.dataset import BopDataset
-from graspcast.errors import MismatchError
-from graspcast.estimates.loading import Inputs
-from graspcast.forecasting.fallbacks import Fallbacks
-from graspcast.forecasting.recorded_verdicts import ViewSettings, verdicts_with_views
-from looked_at import trained, training
+from graspcast import CameraNoise, Forecaster
+from graspcast.errors import MismatchError, UnknownNameError
+from graspcast.forecasting.recorded_verdicts import (
+    ViewSettings,
+    check_views,
+    guides_of,
+    policy_of,
+)
+from looked_at import CAMERAS, trained
+from static_scenes import motion_of
 
 
-def test_every_instance_of_the_guide_gets_a_verdict_by_the_views_there_are(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
-    root = tmp_path_factory.mktemp("given") / "d"
-    given = training(root / "models")
+@pytest.fixture(scope="module")
+def forecaster(tmp_path_factory: pytest.TempPathFactory) -> Forecaster:
     with pytest.warns(match="not calibrated"):
-        forecaster, _ = trained(tmp_path_factory.mktemp("views"))
-        without, _ = trained(tmp_path_factory.mktemp("none"), views=False)
-    inputs = Inputs({"d": BopDataset(root)}, {"d": given.results})
-    motions = {"d": given.motion}
-    settings = ViewSettings(views_from="all", guide="fused")
-    with_views = verdicts_with_views(Fallbacks([forecaster]), inputs, motions, settings)
-    assert len(with_views) == len(given.data)
-    assert [row.key for row in with_views] == sorted(row.key for row in with_views)
-    assert {row.views for row in with_views} == {3}
-    alone = verdicts_with_views(Fallbacks([forecaster]), inputs, {}, settings)
-    assert {row.views for row in alone} == {1}
-    earlier = replace(settings, views_from="earlier")
-    some = verdicts_with_views(Fallbacks([forecaster]), inputs, motions, earlier)
-    assert {row.views for row in some if row.key.im_id == 0} == {1}
+        return trained(tmp_path_factory.mktemp("views"))[0]
+
+
+def test_the_principals_one_view_is_no_policy(forecaster: Forecaster) -> None:
+    for guide in (None, "a", "fused"):
+        settings = ViewSettings(guide=guide, max_views=5)
+        assert policy_of(forecaster, settings, views=False) is None
+        assert policy_of(forecaster, settings, views=True) is not None
+    assert guides_of(forecaster, None) == ["a"]
+
+
+def test_what_decides_is_stated(forecaster: Forecaster) -> None:
+    noise = CameraNoise(0.001, 0.002)
+    settings = ViewSettings(guide="fused", max_views=5, noise=noise, views_from="all")
+    found = policy_of(forecaster, settings, views=True)
+    assert found is not None
+    assert (found.guide, found.views, found.views_from) == ("fused", True, "all")
+    assert (found.max_looks, found.max_views, found.min_parallax_deg) == (1, 5, 12.0)
+    assert (found.translation_sd_m, found.rotation_sd_rad) == (0.001, 0.002)
+    # With several looks, a verdict has as many views as looks.
+    looking = policy_of(forecaster, replace(settings, max_looks=3), views=True)
+    assert looking is not None and (looking.max_looks, looking.max_views) == (3, 3)
+
+
+def test_without_views_their_choice_does_not_matter(forecaster: Forecaster) -> None:
+    best = ViewSettings(guide="best")
+    other = replace(best, views_from="all", max_views=2, min_parallax_rad=0.0)
+    assert policy_of(forecaster, best, views=False) == policy_of(forecaster, other, views=False)
+
+
+@pytest.mark.parametrize(
+    ("guide", "looks", "views", "guides"),
+    [
+        ("b", 3, True, ["b"]),
+        ("fused", 1, True, ["a", "fused"]),
+        ("fused", 3, True, ["a", "fused", "fused2", "fused3"]),
+        ("best", 2, True, ["a", "b", "c", "fused", "fused2"]),
+        ("best", 1, False, ["a", "b", "c"]),
+    ],
+)
+def test_all_names_that_guide_attempts(
+    forecaster: Forecaster, guide: str, looks: int, views: bool, guides: list[str]
+) -> None:
+    policy = policy_of(forecaster, ViewSettings(guide=guide, max_looks=looks), views=views)
+    assert guides_of(forecaster, policy) == guides
+
+
+def test_what_a_forecaster_cannot_do_is_refused(forecaster: Forecaster) -> None:
+    with pytest.raises(UnknownNameError, match="'z'"):
+        check_views([forecaster], ViewSettings(guide="z"), {})
+    single = replace(forecaster, predictor=replace(forecaster.predictor, views=None))  # type: ignore[type-var]
+    check_views([single], ViewSettings(), {})
     with pytest.raises(MismatchError, match="trained without views"):
-        verdicts_with_views(Fallbacks([without]), inputs, motions, settings)
+        check_views([single], ViewSettings(), {"d": motion_of(CAMERAS)})

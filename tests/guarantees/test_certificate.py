@@ -12,6 +12,7 @@ import pytest
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
 from graspcast.guarantees.certificate import OVERALL, Certificate, Guarantee
 from graspcast.guarantees.certify import certify
+from graspcast.guarantees.look_policy import LookPolicy
 from graspcast.io.artefacts import write_artefact
 from worlds import ASKED, World, drawn
 
@@ -40,7 +41,7 @@ def test_certificates_are_read_as_they_were_written(
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (["format"], 1, "format 1, not 2; certify again"),
+        (["format"], 1, "format 1, not 3; certify again"),
         (["weight"], "moon", "unknown weight 'moon'"),
         (["rate"], "x", "certify again"),
         (["guarantees"], [], "overall guarantee is not the first"),
@@ -87,3 +88,21 @@ def test_it_belongs_to_one_model_and_one_ood_alpha(certificate: Certificate) -> 
     with pytest.raises(MismatchError, match=r"with ood_alpha 0\.01, not 0\.05") as caught:
         mine.check_belongs_to("0", 0.05)
     assert caught.value.parameters == ("ood_alpha",)
+
+
+def test_it_keeps_the_policy_and_reads_files_that_had_none(
+    certificate: Certificate, tmp_path: Path
+) -> None:
+    policy = LookPolicy("fused", True, 3, 3, "earlier", 12.0, 0.001, 0.0017, 0.02)
+    mine = dataclasses.replace(certificate, policy=policy, provenance={"model": "0"})
+    mine.save(tmp_path / "p.json")
+    assert Certificate.load(tmp_path / "p.json") == mine
+    mine.check_belongs_to("0", 0.01, policy)
+    with pytest.raises(MismatchError, match="guide fused, up to 3 looks, but the verdicts are of"):
+        mine.check_belongs_to("0", 0.01)
+    former = {k: v for k, v in certificate.as_dict().items() if k != "policy"}
+    write_artefact(tmp_path / "former.json", {**former, "format": 2})
+    assert Certificate.load(tmp_path / "former.json") == certificate
+    write_artefact(tmp_path / "broken.json", {**mine.as_dict(), "policy": {"guide": "fused"}})
+    with pytest.raises(FormatError, match="not a complete certificate"):
+        Certificate.load(tmp_path / "broken.json")

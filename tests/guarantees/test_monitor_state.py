@@ -96,6 +96,7 @@ def test_states_of_other_guarantees_settings_and_formats_are_refused(
     ("provenance", "says"),
     [
         ({"principal": "b"}, "attempts of estimator a, but the guarantee is for b"),
+        ({"principal": "a", "guides": ["b", "fused2"]}, "but the guarantee is for b, fused2"),
         ({"gripper": "claw"}, "attempts of gripper parallel, but the guarantee is for claw"),
         ({"datasets": ["e", "f"]}, "attempts of dataset d, but the guarantee is for e, f"),
         ({"grasp": "handle"}, "attempts of grasp reference, but the guarantee is for handle"),

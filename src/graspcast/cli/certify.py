@@ -21,8 +21,12 @@ from graspcast.cli.options import (
     share,
     write_json,
 )
+from graspcast.cli.view_options import add_policy, motions_of, policy_options
 
 if TYPE_CHECKING:
+    from graspcast.estimates.loading import Inputs
+    from graspcast.evaluation.certification import GuaranteeOptions
+    from graspcast.forecasting.forecaster import Forecaster
     from graspcast.guarantees.certificate import Certificate, Guarantee
 
 __all__ = ["add"]
@@ -44,6 +48,12 @@ def add(verbs: Verbs) -> None:
     add_images(verb)
     verb.add_argument("--model", metavar="PATH", type=Path, required=True, help="from train")
     add_outcomes(verb, required=True)
+    add_policy(
+        verb,
+        max_looks="certify looking until the probability reaches the threshold, a further look "
+        "does not pay, or this many looks were taken (default: 1, one verdict with the views there "
+        "are)",
+    )
     _add_guarantee_options(verb)
     verb.add_argument("--seed", metavar="N", type=int, default=0, help="of the draws")
     verb.add_argument(
@@ -102,30 +112,18 @@ def _add_guarantee_options(verb: argparse.ArgumentParser) -> None:
 
 
 def _certify(options: argparse.Namespace) -> None:
-    from graspcast.estimates.loading import load_outcomes
-    from graspcast.evaluation.certification import certify_forecaster
+    from graspcast.evaluation.certification import GuaranteeOptions
     from graspcast.forecasting.forecaster import Forecaster
-    from graspcast.forecasting.training_data import TrainingData
 
     forecaster = Forecaster.load(options.model)
-    card = forecaster.card
     alone = forecaster.visibility
     inputs = inputs_with_images(options, used=alone is not None and alone.uses_image)
-    card.check_estimators(inputs.estimators)
-    estimates = inputs.estimates(card.principal, only=card.estimators)
-    outcomes = load_outcomes(options.outcomes, estimates.estimators)
-    data = TrainingData.join(estimates, outcomes, card.principal, card.gripper)
-    note(*inputs.notes, *inputs.lengths)
-    if untried := int((~data.is_tried).sum()):
-        note(f"left out {untried} instances without an outcome")
-    certificate = certify_forecaster(
-        forecaster,
-        data,
+    forecaster.card.check_estimators(inputs.estimators)
+    asked = GuaranteeOptions(
         rate=options.rate,
         confidence=options.confidence,
         unit=options.unit,
         weight=options.weight,
-        models=inputs.models,
         ood_alpha=options.ood_alpha,
         per_object=options.per_object,
         simultaneous=options.simultaneous,
@@ -134,6 +132,10 @@ def _certify(options: argparse.Namespace) -> None:
         seed=options.seed,
         allow_training_scenes=options.allow_training_scenes,
     )
+    several = options.camera_poses or options.guide is not None or options.max_looks > 1
+    certified = _with_views if several else _of_one_view
+    certificate = certified(options, forecaster, inputs, asked)
+    note(*inputs.notes, *inputs.lengths)
     seen = certificate.provenance["training_scenes"]
     if seen is None:
         note("the model does not state its training scenes; make sure that these are others")
@@ -145,6 +147,44 @@ def _certify(options: argparse.Namespace) -> None:
     print_text(f"{options.out}: {certificate.overall}")
 
 
+def _of_one_view(
+    options: argparse.Namespace, forecaster: Forecaster, inputs: Inputs, asked: GuaranteeOptions
+) -> Certificate:
+    """Certify the principal's single views."""
+    from dataclasses import asdict
+
+    from graspcast.estimates.loading import load_outcomes
+    from graspcast.evaluation.certification import certify_forecaster
+    from graspcast.forecasting.training_data import TrainingData
+
+    card = forecaster.card
+    estimates = inputs.estimates(card.principal, only=card.estimators)
+    outcomes = load_outcomes(options.outcomes, estimates.estimators)
+    data = TrainingData.join(estimates, outcomes, card.principal, card.gripper)
+    if untried := int((~data.is_tried).sum()):
+        inputs.notes.append(f"left out {untried} instances without an outcome")
+    return certify_forecaster(forecaster, data, models=inputs.models, **asdict(asked))
+
+
+def _with_views(
+    options: argparse.Namespace, forecaster: Forecaster, inputs: Inputs, asked: GuaranteeOptions
+) -> Certificate:
+    """Certify a policy with several views, looks or guides."""
+    from graspcast.estimates.outcomes import read_all_outcomes
+    from graspcast.evaluation.policy_certification import certify_policy
+
+    outcomes = read_all_outcomes(options.outcomes)
+    motions = motions_of(options, inputs)
+    settings = policy_options(options)
+    certificate = certify_policy(forecaster, inputs, motions, settings, outcomes, asked)
+    if not asked.sequence_share:
+        inputs.notes.append(
+            "testing starts around the target rate, as the model's out-of-fold predictions are of "
+            "single views; --sequence-share learns from some of the units where to start"
+        )
+    return certificate
+
+
 def _print_guarantees(certificate: Certificate, unit: str) -> None:
     together = (
         f"all {certificate.family_size} together"
@@ -154,6 +194,8 @@ def _print_guarantees(certificate: Certificate, unit: str) -> None:
     title = (
         f"success rate >= {certificate.rate:g}, confidence {certificate.confidence:g} ({together})"
     )
+    if certificate.policy is not None:
+        title += f"; {certificate.policy}"
     header = ["scope", "threshold", "reported at", f"{unit}s", "drawn attempts", "succeeded"]
     header += ["lower bound", "attempt rate", "interval", "success rate", f"{unit}s needed"]
     print_table(title, header, [_row(g) for g in certificate.guarantees])

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from graspcast.cli.console import print_table, print_text
+from graspcast.cli.console import print_text
+from graspcast.cli.score import print_policies
 
 if TYPE_CHECKING:
     import polars as pl
@@ -64,17 +65,12 @@ def print_looks(files: DemoFiles, principal: str) -> None:
     from graspcast.evaluation.look_scores import score_looks
 
     found = score_looks([_stage(files, looks) for looks in range(1, LOOKS + 1)])
-    rows = [
-        (p.name, "-" if p.success is None else str(p.success), str(p.attempt_rate))
-        + (f"{p.looks:.2f}",)
-        for p in found.policies
-    ]
     title = (
         f"{found.n} grasps in {found.scenes} scenes, 95 % intervals by drawing scenes; one look: "
         f"guided by {principal}, several: by the fused pose"
     )
     print_text("\n# What following the verdicts and looking again is worth")
-    print_table(title, ["", "success rate", "attempt rate", "mean looks"], rows)
+    print_policies(found, title)
 
 
 def _stage(files: DemoFiles, looks: int) -> Stage:

@@ -14,10 +14,9 @@ from graspcast.cli.options import (
     add_out,
     inputs_with_images,
     new_verb,
-    positive,
     share,
 )
-from graspcast.cli.view_options import add_views, fusion_options, motions_of
+from graspcast.cli.view_options import add_policy, motions_of, policy_options
 from graspcast.errors import InputError
 
 __all__ = ["add"]
@@ -70,37 +69,28 @@ def add(verbs: Verbs) -> None:
         action="store_true",
         help="say in each reason which features moved the probability most",
     )
-    _add_view_options(verb)
-    add_out(verb, "the verdicts' CSV")
-
-
-def _add_view_options(verb: argparse.ArgumentParser) -> None:
-    add_views(
+    add_policy(
         verb,
-        views_from="earlier",
-        max_views="at most this many images an instance, its own included (default: 3)",
-        why="; the model must have been trained with them too (default: each image alone)",
+        max_looks="images that a robot would take: where there were fewer, and a "
+        "further one is expected to help, the verdict is to look again, and from where (default: "
+        "1, never); with --certificate or --stages, how many of the recorded ones may be used",
     )
     verb.add_argument(
-        "--guide",
-        metavar="NAME",
-        help="whose pose guides the grasp: an estimator's, fused (the pose fused from several "
-        "views), or best, whichever has the highest probability (default: the model's principal)",
+        "--stages",
+        metavar="FILE",
+        type=Path,
+        help="look at the recorded images one after another, up to --max-looks, and write the "
+        "verdicts after each look to this CSV, with the columns instance, looks and ended; --out "
+        "then holds the verdicts at which looking ended",
     )
-    verb.add_argument(
-        "--max-looks",
-        metavar="N",
-        type=positive,
-        default=1,
-        help="images that a robot would take: where there were fewer, and a further one is "
-        "expected to help, the verdict is to look again, and from where (default: 1, never)",
-    )
+    add_out(verb, "the verdicts' CSV")
 
 
 def _predict(options: argparse.Namespace) -> None:
     from graspcast.forecasting.fallbacks import Fallbacks
     from graspcast.forecasting.forecaster import Forecaster
-    from graspcast.forecasting.recorded_verdicts import ViewSettings, verdicts_with_views
+    from graspcast.forecasting.recorded_looks import looks_with_views, verdicts_with_views
+    from graspcast.forecasting.stage_file import write_stages
     from graspcast.forecasting.verdict_file import write_verdicts
     from graspcast.guarantees.certificate import Certificate
 
@@ -116,14 +106,16 @@ def _predict(options: argparse.Namespace) -> None:
         "ood_alpha": options.ood_alpha,
     }
     motions = motions_of(options, inputs)
-    if motions or options.guide is not None or options.max_looks > 1:
+    if motions or options.guide is not None or options.max_looks > 1 or options.stages:
         if options.explain:
             raise InputError("--explain is of one view: leave out --camera-poses and --guide")
-        if certificates and motions:
-            raise InputError("the certificate is of one view: leave out --camera-poses")
-        rules = fusion_options(options) | {"guide": options.guide, "max_looks": options.max_looks}
-        settings = ViewSettings(max_views=options.max_views, **rules)
-        rows = verdicts_with_views(models, inputs, motions, settings, **how)
+        given = models, inputs, motions, policy_options(options)
+        if options.stages:
+            looks = looks_with_views(*given, **how)
+            write_stages(options.stages, looks)
+            rows = [each.last for each in looks]
+        else:
+            rows = verdicts_with_views(*given, **how)
     else:
         rows = models.verdict_rows(inputs, explain=options.explain, **how)
     write_verdicts(options.out, rows)

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_table
 from graspcast.cli.options import Verbs, add_json, add_outcomes, new_verb, write_json
 
-__all__ = ["add"]
+if TYPE_CHECKING:
+    from graspcast.evaluation.look_scores import LookScores
+
+__all__ = ["add", "print_policies"]
 
 
 def add(verbs: Verbs) -> None:
@@ -21,16 +25,72 @@ def add(verbs: Verbs) -> None:
         "Score verdicts by outcomes: the success rate when always attempting, the one when\n"
         "following the verdicts, and how many are attempted then; with 95 % intervals by drawing\n"
         "scenes. The outcomes should be of scenes that training has not seen. Verdicts and\n"
-        "outcomes are joined by dataset, image, object, est_id, principal, gripper and grasp.",
+        "outcomes are joined by dataset, image, object, est_id, principal, gripper and grasp.\n\n"
+        "With --stages: what looking again is worth, beside one look and always all looks.",
     )
-    verb.add_argument(
-        "--verdicts", metavar="FILE", type=Path, required=True, help="what predict has written"
+    what = verb.add_mutually_exclusive_group(required=True)
+    what.add_argument("--verdicts", metavar="FILE", type=Path, help="what predict has written")
+    what.add_argument(
+        "--stages",
+        metavar="FILE",
+        type=Path,
+        help="the verdicts after each look, from predict --stages; the outcomes should be of all "
+        "guides: of the principal, and of fused2, fused3 and so on",
     )
     add_outcomes(verb, required=True)
     add_json(verb)
 
 
+def print_policies(found: LookScores, title: str, *, attempts: bool = False) -> None:
+    """Print what policies are worth.
+
+    Parameters
+    ----------
+    found
+        Their scores.
+    title
+        Of the table.
+    attempts
+        Whether to print how many attempts there are, too.
+    """
+    header = ["", "success rate", "attempt rate", "attempts", "mean looks"]
+    rows = [
+        [
+            p.name,
+            "-" if p.success is None else str(p.success),
+            str(p.attempt_rate),
+            str(p.attempts),
+            f"{p.looks:.2f}",
+        ]
+        for p in found.policies
+    ]
+    if not attempts:
+        header, rows = header[:3] + header[4:], [row[:3] + row[4:] for row in rows]
+    print_table(title, header, rows)
+
+
 def _score(options: argparse.Namespace) -> None:
+    if options.stages:
+        _score_stages(options)
+    else:
+        _score_verdicts(options)
+
+
+def _score_stages(options: argparse.Namespace) -> None:
+    from graspcast.estimates.outcomes import read_all_outcomes
+    from graspcast.evaluation.look_scores import score_looks, stages_of
+    from graspcast.forecasting.stage_file import read_stages
+
+    outcomes = read_all_outcomes(options.outcomes)
+    found = score_looks(stages_of(read_stages(options.stages), outcomes))
+    if found.untried:
+        note(f"{found.untried} instances lack an outcome after some look, and do not count")
+    title = f"{found.n} grasps in {found.scenes} scenes, 95 % intervals by drawing scenes"
+    print_policies(found, title, attempts=True)
+    write_json(options.json, found.as_dict())
+
+
+def _score_verdicts(options: argparse.Namespace) -> None:
     from graspcast.estimates.outcomes import read_all_outcomes
     from graspcast.evaluation.verdict_scores import score_verdicts
     from graspcast.forecasting.verdict_file import read_verdicts

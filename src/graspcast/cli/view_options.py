@@ -11,9 +11,17 @@ from graspcast.errors import GraspcastError, InputError
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
+    from graspcast.forecasting.recorded_verdicts import ViewSettings
     from graspcast.views.camera_motion import CameraMotion
 
-__all__ = ["add_views", "fusion_options", "motion_of_directory", "motions_of"]
+__all__ = [
+    "add_policy",
+    "add_views",
+    "fusion_options",
+    "motion_of_directory",
+    "motions_of",
+    "policy_options",
+]
 
 
 def add_views(
@@ -64,6 +72,43 @@ def add_views(
         type=_degrees,
         default=12.0,
         help="least angle between any two views, seen from the object (default: 12)",
+    )
+
+
+def add_policy(verb: argparse.ArgumentParser, *, max_looks: str) -> None:
+    """``--guide``, ``--max-looks`` and those of :func:`add_views`, for verdicts on several views.
+
+    Parameters
+    ----------
+    verb
+        Where to add them.
+    max_looks
+        The help of ``--max-looks``.
+    """
+    add_views(
+        verb,
+        views_from="earlier",
+        max_views="at most this many images an instance, its own included (default: 3)",
+        why="; the model must have been trained with them too (default: each image alone)",
+    )
+    verb.add_argument(
+        "--guide",
+        metavar="NAME",
+        help="whose pose guides the grasp: an estimator's, fused (the pose fused from several "
+        "views), or best, whichever has the highest probability (default: the model's principal)",
+    )
+    verb.add_argument("--max-looks", metavar="N", type=positive, default=1, help=max_looks)
+
+
+def policy_options(options: argparse.Namespace) -> ViewSettings:
+    """Return what the options of :func:`add_policy` say."""
+    from graspcast.forecasting.recorded_verdicts import ViewSettings
+
+    return ViewSettings(
+        guide=options.guide,
+        max_views=options.max_views,
+        max_looks=options.max_looks,
+        **fusion_options(options),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.errors import MismatchError
-from graspcast.estimates.instances import UnitKind, unit_names
+from graspcast.estimates.instances import Instances, UnitKind, unit_names
 from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.model_card import ModelCard
@@ -28,7 +29,49 @@ from graspcast.guarantees.unit_draws import Weight
 from graspcast.io.arguments import a, checked, mapping, number
 from graspcast.io.provenance import versions
 
-__all__ = ["certify_forecaster"]
+__all__ = [
+    "CalibrationTrials",
+    "GuaranteeOptions",
+    "certify_forecaster",
+    "certify_trials",
+    "check_scenes",
+]
+
+
+@dataclass(frozen=True)
+class GuaranteeOptions:
+    """What is to be guaranteed, as for :func:`certify_forecaster`."""
+
+    rate: float = 0.9
+    confidence: float = 0.9
+    unit: UnitKind = "scene"
+    weight: Weight = "attempt"
+    ood_alpha: float = OOD_ALPHA
+    per_object: bool = False
+    simultaneous: bool = False
+    other_guarantees: int = 0
+    sequence_share: float = 0.0
+    seed: int = 0
+    allow_training_scenes: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationTrials:
+    """Forecasts and outcomes of n instances after each look, one look or more.
+
+    Attributes
+    ----------
+    instances
+        Their keys.
+    probability
+        In the order of the looks; NaN where nothing is attempted at any threshold, (n, looks).
+    success
+        The outcome of what would be attempted there, (n, looks).
+    """
+
+    instances: Instances
+    probability: Float[ndarray, "n s"]
+    success: Bool[ndarray, "n s"]
 
 
 @checked(
@@ -99,47 +142,117 @@ def certify_forecaster(
     InputError
         As :func:`graspcast.certify`, or if ``sequence_share`` leaves no units on one side.
     """
-    card = forecaster.card
-    data = data.tried()
-    success = data.own_success == 1
-    training_scenes = _training_scenes(card, data, allow_training_scenes)
-    # The verdicts decide what can be an attempt.
-    verdicts = forecaster.verdicts(data.estimates, models, threshold=0.0, ood_alpha=ood_alpha)
-    probability = np.array([(v.probability or 0.0) if v.attempt else 0.0 for v in verdicts])
-    units = unit_names(data.estimates.instances, unit)
-    target: dict[str, Any] = {"rate": rate, "confidence": confidence, "weight": weight}
-    sequence, kept = _sequence(
-        forecaster, probability, success, units, unit, sequence_share, seed, target
-    )
-    return certify(
-        probability[kept],
-        success[kept],
-        units[kept],
-        objects=data.objects[kept] if per_object else None,
-        sequence=sequence,
+    asked = GuaranteeOptions(
+        rate=rate,
+        confidence=confidence,
+        unit=unit,
+        weight=weight,
+        ood_alpha=ood_alpha,
+        per_object=per_object,
         simultaneous=simultaneous,
         other_guarantees=other_guarantees,
+        sequence_share=sequence_share,
         seed=seed,
+        allow_training_scenes=allow_training_scenes,
+    )
+    data = data.tried()
+    instances = data.estimates.instances
+    training_scenes = check_scenes(forecaster.card, instances, allow_training_scenes)
+    # The verdicts decide what can be an attempt.
+    verdicts = forecaster.verdicts(data.estimates, models, threshold=1.0, ood_alpha=ood_alpha)
+    trials = CalibrationTrials(
+        instances,
+        np.array([[v.probability if v.may_attempt else np.nan] for v in verdicts], dtype=float),
+        (data.own_success == 1)[:, None],
+    )
+    out_of_fold = getattr(forecaster.predictor, "out_of_fold", None)
+    learned = None
+    if not sequence_share and out_of_fold is not None:
+        learned = learn_sequence(
+            out_of_fold.probability,
+            out_of_fold.success,
+            out_of_fold.units(unit),
+            calibration_units=len(np.unique(unit_names(instances, unit))),
+            rate=rate,
+            confidence=confidence,
+            weight=weight,
+        )
+    return certify_trials(forecaster.card, trials, asked, training_scenes, sequence=learned)
+
+
+def certify_trials(
+    card: ModelCard,
+    trials: CalibrationTrials,
+    asked: GuaranteeOptions,
+    training_scenes: int | None,
+    *,
+    sequence: ThresholdSequence | None = None,
+    provenance: Mapping[str, Any] | None = None,
+) -> Certificate:
+    """Certify the calibration trials of a forecaster.
+
+    Parameters
+    ----------
+    card
+        Of the forecaster.
+    trials
+        New ones.
+    asked
+        What is to be guaranteed.
+    training_scenes
+        How many of their scenes it was trained on; None if it does not state any.
+    sequence
+        Of the thresholds. If None, it is learned from ``asked.sequence_share`` of the units; if
+        that is 0, it depends on no data.
+    provenance
+        Further entries of the certificate's.
+    """
+    target: dict[str, Any] = {
+        "rate": asked.rate,
+        "confidence": asked.confidence,
+        "weight": asked.weight,
+    }
+    units = unit_names(trials.instances, asked.unit)
+    kept = np.ones(len(units), dtype=bool)
+    given = trials.probability, trials.success, units
+    if sequence is None:
+        share, seed = asked.sequence_share, asked.seed
+        sequence, kept = split_sequence(*given, share=share, seed=seed, **target)
+    objects = trials.instances.objects[kept] if asked.per_object else None
+    return certify(
+        *(values[kept] for values in given),
+        objects=objects,
+        sequence=sequence,
+        simultaneous=asked.simultaneous,
+        other_guarantees=asked.other_guarantees,
+        seed=asked.seed,
         provenance={
             "model": card.digest,
-            "ood_alpha": ood_alpha,
+            "ood_alpha": asked.ood_alpha,
             "principal": card.principal,
             "gripper": card.gripper,
             "grasp": REFERENCE_GRASP,
-            "datasets": sorted({str(name) for name in data.estimates.instances.dataset}),
-            "unit": unit,
+            "datasets": sorted({str(name) for name in trials.instances.dataset}),
+            "unit": asked.unit,
             "training_scenes": training_scenes,
             "versions": versions(),
+            **(provenance or {}),
         },
         **target,
     )
 
 
-def _training_scenes(card: ModelCard, data: TrainingData, allowed: bool) -> int | None:
-    """Return how many of the scenes the model was trained on; None if it does not state any."""
+def check_scenes(card: ModelCard, instances: Instances, allowed: bool) -> int | None:
+    """Return how many of the scenes the model was trained on; None if it does not state any.
+
+    Raises
+    ------
+    MismatchError
+        If there are some, and that is not allowed.
+    """
     if not card.scenes:
         return None
-    scenes = set(unit_names(data.estimates.instances, "scene").tolist())
+    scenes = set(unit_names(instances, "scene").tolist())
     seen = sorted(scenes.intersection(card.scenes))
     if seen and not allowed:
         some = ", ".join(seen[:5]) + (", ..." if len(seen) > 5 else "")
@@ -150,27 +263,3 @@ def _training_scenes(card: ModelCard, data: TrainingData, allowed: bool) -> int 
             parameters=("outcomes", "allow_training_scenes"),
         )
     return len(seen)
-
-
-def _sequence(
-    forecaster: Forecaster,
-    probability: Float[ndarray, " n"],
-    success: Bool[ndarray, " n"],
-    units: ndarray,
-    unit: UnitKind,
-    share: float,
-    seed: int,
-    target: Mapping[str, Any],
-) -> tuple[ThresholdSequence, Bool[ndarray, " n"]]:
-    """Return the threshold sequence, and a mask of the trials to certify with."""
-    out_of_fold = getattr(forecaster.predictor, "out_of_fold", None)
-    if share or out_of_fold is None:
-        return split_sequence(probability, success, units, share=share, seed=seed, **target)
-    sequence = learn_sequence(
-        out_of_fold.probability,
-        out_of_fold.success,
-        out_of_fold.units(unit),
-        calibration_units=len(np.unique(units)),
-        **target,
-    )
-    return sequence, np.ones(len(units), dtype=bool)

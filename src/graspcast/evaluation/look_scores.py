@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.errors import MismatchError
+from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.instances import Instances, unit_names
-from graspcast.estimates.outcomes import join_outcomes
+from graspcast.estimates.outcomes import checked_outcomes, join_outcomes
 from graspcast.evaluation.bootstrap import Interval, original_and_draws
 from graspcast.evaluation.verdict_scores import verdict_table
-from graspcast.forecasting.verdict import VerdictRow
+from graspcast.forecasting.looking import ended_stages
+from graspcast.forecasting.verdict import InstanceLooks, VerdictRow
+from graspcast.forecasting.view_verdicts import FUSED
 
-__all__ = ["LookScores", "PolicyScore", "Stage", "score_looks"]
+__all__ = ["LookScores", "PolicyScore", "Stage", "check_covered", "score_looks", "stages_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +33,13 @@ class Stage:
         One for each instance, in the same order at every stage.
     outcomes
         As :func:`graspcast.estimates.outcomes.read_outcomes` returns them, of all guides.
+    looks
+        How many looks were taken of each instance; None: as many as the verdict rests on.
     """
 
     verdicts: Sequence[VerdictRow]
     outcomes: pl.DataFrame
+    looks: Int[ndarray, " n"] | None = None
 
 
 @dataclass(frozen=True)
@@ -51,7 +57,7 @@ class PolicyScore:
     attempts
         How many that is.
     looks
-        Mean number of views that the last verdict rests on.
+        Mean number of looks that were taken.
     """
 
     name: str
@@ -71,11 +77,80 @@ class LookScores:
         Instances with an outcome at every stage, and their scenes.
     policies
         One look and all looks, each with all attempted and by verdicts, and look again.
+    untried
+        Instances that lack an outcome at some stage, and do not count.
     """
 
     n: int
     scenes: int
     policies: tuple[PolicyScore, ...]
+    untried: int = 0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain numbers, for JSON; NaN becomes None."""
+        out = asdict(self)
+        for policy in out["policies"]:
+            for name in ("success", "attempt_rate"):
+                if policy[name] is not None:
+                    policy[name] = {k: None if v != v else v for k, v in policy[name].items()}
+        return out
+
+
+def stages_of(looks: Sequence[InstanceLooks], outcomes: pl.DataFrame) -> list[Stage]:
+    """Return the stages of the verdicts after each look, where always so many looks are allowed.
+
+    An instance of which there are fewer images keeps the verdict after the last of them.
+
+    Parameters
+    ----------
+    looks
+        Of all instances.
+    outcomes
+        Of the grasps that each guide would try after each look.
+
+    Raises
+    ------
+    InputError
+        If there are no verdicts.
+    MismatchError
+        If the outcomes have none of a guide.
+    """
+    if not looks:
+        raise InputError("there are no verdicts to score", parameters=("stages",))
+    check_covered([row for each in looks for row in each.rows], outcomes)
+    taken = np.array([len(each.rows) for each in looks])
+    out = []
+    for most in range(1, int(taken.max()) + 1):
+        mine = np.minimum(taken, most)
+        rows = [each.rows[k - 1] for each, k in zip(looks, mine.tolist(), strict=True)]
+        out.append(Stage(rows, outcomes, mine))
+    return out
+
+
+def check_covered(rows: Sequence[VerdictRow], outcomes: pl.DataFrame) -> None:
+    """Check that there are outcomes of every guide, by dataset, gripper and grasp.
+
+    Raises
+    ------
+    MismatchError
+        Naming those that have none, and how to make them.
+    """
+    by = ["estimator", "dataset", "gripper", "grasp"]
+    needed = verdict_table(rows).select(by).unique().sort(by)
+    missing = needed.join(checked_outcomes(outcomes), on=by, how="anti").sort(by)
+    if not len(missing):
+        return
+    what = "; ".join(
+        f"{guide} on {dataset} ({gripper} gripper, {grasp} grasp)"
+        for guide, dataset, gripper, grasp in missing.rows()
+    )
+    hint = ""
+    for name in missing["estimator"].unique().sort().to_list():
+        if name.startswith(FUSED):
+            views = name.removeprefix(FUSED)
+            most = f"up to {views} views" if views else "several views"
+            hint += f"; those of {name} are trials guided by the poses fused from {most}"
+    raise MismatchError(f"there are no outcomes of {what}{hint}", parameters=("outcomes",))
 
 
 def score_looks(stages: Sequence[Stage], *, draws: int = 2000, seed: int = 0) -> LookScores:
@@ -102,15 +177,20 @@ def score_looks(stages: Sequence[Stage], *, draws: int = 2000, seed: int = 0) ->
     attempt, success, views, again = (np.stack(x) for x in zip(*map(_columns, stages), strict=True))
     known = ~np.isnan(success).any(axis=0)
     if not known.any():
-        raise MismatchError("no instance has an outcome after each look")
+        counts_of = ", ".join(str(int(n)) for n in (~np.isnan(success)).sum(axis=1))
+        raise MismatchError(
+            f"no instance has an outcome after each look; by looks there are {counts_of}, of "
+            f"{len(first)} instances",
+            parameters=("outcomes",),
+        )
     keys = Instances.of([row.key for row in stages[0].verdicts])
     names = np.array(unit_names(keys, "scene"))[known]
     attempt, success, views, again = (x[:, known] for x in (attempt, success, views, again))
     scene, numbers = np.unique(names, return_inverse=True)
     counts = original_and_draws(scene.tolist(), draws, seed)
-    end, every = _ends(again), np.arange(attempt.shape[1])
+    end, every = ended_stages(again[:-1]), np.arange(attempt.shape[1])
     last = len(stages) - 1
-    looks = "two looks" if last == 1 else "three looks" if last == 2 else f"{last + 1} looks"
+    looks = {0: "one look", 1: "two looks", 2: "three looks"}.get(last, f"{last + 1} looks")
     ends: dict[str, tuple[ndarray, bool]] = {
         "one look, always attempting": (np.zeros_like(end), True),
         "one look, verdicts": (np.zeros_like(end), False),
@@ -129,7 +209,7 @@ def score_looks(stages: Sequence[Stage], *, draws: int = 2000, seed: int = 0) ->
         )
         for name, (stage, always) in ends.items()
     )
-    return LookScores(int(known.sum()), len(scene), scored)
+    return LookScores(int(known.sum()), len(scene), scored, int((~known).sum()))
 
 
 def _columns(stage: Stage) -> tuple[ndarray, ndarray, ndarray, ndarray]:
@@ -138,7 +218,7 @@ def _columns(stage: Stage) -> tuple[ndarray, ndarray, ndarray, ndarray]:
     return (
         table["attempt"].to_numpy(),
         table["success"].cast(pl.Float64).fill_null(float("nan")).to_numpy(),
-        np.array([row.views for row in stage.verdicts]),
+        np.array([row.views for row in stage.verdicts]) if stage.looks is None else stage.looks,
         np.array([row.verdict.look is not None for row in stage.verdicts]),
     )
 
@@ -146,13 +226,6 @@ def _columns(stage: Stage) -> tuple[ndarray, ndarray, ndarray, ndarray]:
 def _place(row: VerdictRow) -> tuple[str, int, int, int]:
     """Return whose instance it is, but for ``est_id``, which is each guide's own."""
     return row.key.dataset, row.key.scene_id, row.key.im_id, row.key.obj_id
-
-
-def _ends(again: Bool[ndarray, "s n"]) -> Int[ndarray, " n"]:
-    """Return the first stage whose verdict is not to look again, or the last."""
-    going = again.copy()
-    going[-1] = False
-    return np.asarray(np.argmin(going, axis=0))
 
 
 def _scored(

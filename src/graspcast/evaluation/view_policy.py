@@ -14,6 +14,7 @@ from graspcast.evaluation.bootstrap import Bootstrap, Interval, draw_scenes
 from graspcast.evaluation.scores import calibration_error
 from graspcast.evaluation.view_table import ONE_VIEW
 from graspcast.forecasting.look_again import MIN_GAIN
+from graspcast.forecasting.looking import ended_stages
 from graspcast.forecasting.view_verdicts import FUSED
 
 __all__ = ["THRESHOLD", "expectation", "policies", "score_policies"]
@@ -58,11 +59,8 @@ def policies(
         return attempts, stage + 1, success[stage, every]
 
     def stages(most: int, pays: Bool[ndarray, "w n"]) -> Int[ndarray, " n"]:
-        stage = np.zeros(n, dtype=np.int64)
-        for k in range(most - 1):
-            goes_on = (stage == k) & ~above[k] & (last > k) & pays[k]
-            stage[goes_on] = k + 1
-        return stage
+        further = last > np.arange(most - 1)[:, None]
+        return ended_stages(~above[: most - 1] & further & pays[: most - 1])
 
     always = np.ones((v, n), dtype=bool)
     gain = np.isnan(expected) | (expected >= probability[:-1] + min_gain)

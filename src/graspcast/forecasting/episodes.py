@@ -17,17 +17,18 @@ from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
-from graspcast.errors import InputError, UnknownNameError
+from graspcast.errors import UnknownNameError
 from graspcast.estimates.checks import no_estimate_by
 from graspcast.estimates.instances import split_object_name
+from graspcast.forecasting.episode_options import decision_options
 from graspcast.forecasting.episode_verdict import EpisodeVerdict, from_where
 from graspcast.forecasting.features import Features
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.look_again import MIN_GAIN
 from graspcast.forecasting.novelty import OOD_ALPHA
-from graspcast.forecasting.verdict import Verdict, VerdictRow, check_threshold
-from graspcast.forecasting.view_verdicts import BEST, FUSED
+from graspcast.forecasting.verdict import Verdict, VerdictRow
 from graspcast.forecasting.visibility_features import seen_of
+from graspcast.guarantees.certificate import Certificate
 from graspcast.io.arguments import NAME, NAMED, a, checked, mapping, number
 from graspcast.pose.sanity import is_placeholder, pose_problems
 from graspcast.pose.transforms import compose
@@ -74,7 +75,7 @@ class Episodes:
     models
         Dataset's name to its object models.
     threshold
-        Attempt at this probability or above it.
+        Attempt at this probability or above it; 0.5 if None and there is no certificate.
     guide
         Whose pose guides the grasp: an estimator's name, ``fused``, or ``best``, whichever has the
         highest probability; None is the forecaster's principal.
@@ -88,11 +89,16 @@ class Episodes:
         Standard deviations of the camera's motion between looks; none by default.
     ood_alpha, guarantee
         As for :meth:`Forecaster.verdicts`.
+    certificate
+        Of this policy: its threshold and guarantee are used.
 
     Raises
     ------
     InputError
-        For a threshold outside [0, 1] and for options that are no numbers.
+        For a threshold outside [0, 1], options that are no numbers, and a threshold or guarantee
+        beside a certificate.
+    MismatchError
+        For a certificate of another forecaster or policy; what differs is named.
     UnknownNameError
         For a guide that the forecaster does not know.
     """
@@ -109,6 +115,7 @@ class Episodes:
         noise=a(CameraNoise),
         ood_alpha=number(0.0, 1.0),
         guarantee=NAME,
+        certificate=a(Certificate),
     )
     def __init__(
         self,
@@ -116,7 +123,7 @@ class Episodes:
         dataset: str,
         *,
         models: Mapping[str, Models] | None = None,
-        threshold: float = 0.5,
+        threshold: float | None = None,
         guide: str | None = None,
         max_looks: int = 3,
         max_views: int = 3,
@@ -124,25 +131,25 @@ class Episodes:
         noise: CameraNoise | None = None,
         ood_alpha: float = OOD_ALPHA,
         guarantee: str | None = None,
+        certificate: Certificate | None = None,
     ):
-        guide = forecaster.card.principal if guide is None else guide
-        if guide not in (known := (*forecaster.guides, FUSED, BEST)):
-            raise UnknownNameError("guide", guide, known, parameters=("guide",))
-        if max_looks != int(max_looks) or max_views != int(max_views):
-            raise InputError("Episode: max_looks and max_views should be whole numbers")
+        self._options = decision_options(
+            forecaster,
+            threshold=threshold,
+            guide=guide,
+            max_looks=max_looks,
+            max_views=max_views,
+            min_gain=min_gain,
+            noise=noise,
+            ood_alpha=ood_alpha,
+            guarantee=guarantee,
+            certificate=certificate,
+        )
         self.forecaster, self.dataset, self.models = forecaster, dataset, models
         self.max_looks, self.max_views = int(max_looks), int(max_views)
         self._noise = noise
-        self._options: dict[str, Any] = {
-            "guide": guide,
-            "threshold": check_threshold(threshold),
-            "guarantee": guarantee,
-            "ood_alpha": ood_alpha,
-            "min_gain": min_gain,
-            "noise": noise,
-        }
         # Whose estimates are the instances: the guide's, or those of one that may guide.
-        names = (guide, *forecaster.guides, *forecaster.card.estimators)
+        names = (self._options["guide"], *forecaster.guides, *forecaster.card.estimators)
         self._order = [n for n in dict.fromkeys(names) if n in forecaster.card.estimators]
         self._lock = Lock()
         self._looks: tuple[Look, ...] = ()
@@ -283,7 +290,8 @@ class Episode:
         A trained forecaster. One that was trained without views answers from the last look alone.
     object_name
         ``dataset-obj_id``, as in ``ycbv-5``.
-    models, threshold, guide, max_looks, max_views, min_gain, noise, ood_alpha, guarantee
+    models, threshold, guide, max_looks, max_views, min_gain, noise, ood_alpha, guarantee,
+    certificate
         As for :class:`Episodes`.
 
     Raises
@@ -301,7 +309,7 @@ class Episode:
         object_name: str,
         *,
         models: Mapping[str, Models] | None = None,
-        threshold: float = 0.5,
+        threshold: float | None = None,
         guide: str | None = None,
         max_looks: int = 3,
         max_views: int = 3,
@@ -309,6 +317,7 @@ class Episode:
         noise: CameraNoise | None = None,
         ood_alpha: float = OOD_ALPHA,
         guarantee: str | None = None,
+        certificate: Certificate | None = None,
     ):
         dataset, _ = split_object_name(object_name)
         forecaster.card.numbers_of([object_name])
@@ -325,6 +334,7 @@ class Episode:
             noise=noise,
             ood_alpha=ood_alpha,
             guarantee=guarantee,
+            certificate=certificate,
         )
 
     def __repr__(self) -> str:

@@ -23,6 +23,7 @@ from graspcast.forecasting.model_card import ModelCard
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import Verdict, VerdictRow, verdict_rows
 from graspcast.guarantees.certificate import Certificate
+from graspcast.guarantees.look_policy import LookPolicy
 from graspcast.io.arguments import NAMED, a, refuse_unless, sequence
 
 __all__ = ["Fallbacks", "certificate_of"]
@@ -187,20 +188,32 @@ def _named(card: ModelCard) -> str:
 
 
 def certificate_of(
-    forecaster: Forecaster, certificates: Sequence[Certificate], ood_alpha: float
+    forecaster: Forecaster,
+    certificates: Sequence[Certificate],
+    ood_alpha: float,
+    policy: LookPolicy | None = None,
 ) -> Certificate:
     """Return the certificate that was made for a forecaster.
+
+    Parameters
+    ----------
+    forecaster
+        Whose verdicts are meant.
+    certificates
+        Of one or more forecasters.
+    ood_alpha, policy
+        As for :meth:`Certificate.check_belongs_to`.
 
     Raises
     ------
     MismatchError
-        If there is none, or it was made with another ``ood_alpha``: what is attempted would not be
-        what was certified.
+        If there is none, or it was made with another ``ood_alpha`` or of another policy: what is
+        attempted would not be what was certified.
     """
     card = forecaster.card
     for certificate in certificates:
         if certificate.provenance.get("model") == card.digest:
-            certificate.check_belongs_to(card.digest, ood_alpha)
+            certificate.check_belongs_to(card.digest, ood_alpha, policy)
             return certificate
     raise MismatchError(
         f"no certificate was made for the model with {_named(card)}: certify it, and "

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.errors import InputError, MismatchError
+from graspcast.estimates.instances import Instances
 from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.recorded_verdicts import ViewSettings, judge_recorded
-from graspcast.forecasting.verdict import VerdictRow
+from graspcast.forecasting.verdict import InstanceLooks, VerdictRow
 from graspcast.forecasting.view_verdicts import FUSED
 from graspcast.views.camera_motion import CameraMotion
 
-__all__ = ["PolicyRun", "run_policy"]
+__all__ = ["PolicyRun", "ended_stages", "run_at_once", "run_policy"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +28,10 @@ class PolicyRun:
 
     Attributes
     ----------
+    instances
+        Those of the guide's (or principal's), in order.
     rows
-        The verdict at which looking ended, in order of the instances. It is "look again" where the
+        The verdict at which looking ended. It is "look again" where the
         recorded views ended before the policy did.
     looks
         How many looks had been taken by then, (n,).
@@ -35,19 +39,61 @@ class PolicyRun:
         The verdicts on all instances after one look, after two, and so on: what a robot that always
         takes so many looks would decide. An instance with fewer recorded views is judged with those
         it has.
+    images
+        How many images there were for each instance, at most as many as stages, (n,).
 
     A fused pose that guides is named by the looks allowed to it: ``fused2``, ``fused3``. Each
     guides other grasps, and its ``est_id`` is that of poses fused with so many views at most.
     """
 
+    instances: Instances
     rows: list[VerdictRow]
     looks: Int[ndarray, " n"]
     stages: tuple[list[VerdictRow], ...]
+    images: Int[ndarray, " n"]
 
     def __repr__(self) -> str:
         counts = np.bincount(self.looks, minlength=2)[1:].tolist()
         said = ", ".join(f"{n} after {i}" for i, n in enumerate(counts, 1))
         return f"PolicyRun({len(self.rows)} instances by looks: {said})"
+
+    @property
+    def each(self) -> list[InstanceLooks]:
+        """The verdicts on each instance after one look, after two, and so on."""
+        return [
+            InstanceLooks(tuple(stage[i] for stage in self.stages[:images]), looks)
+            for i, (images, looks) in enumerate(
+                zip(self.images.tolist(), self.looks.tolist(), strict=True)
+            )
+        ]
+
+    @property
+    def probability(self) -> Float[ndarray, "n s"]:
+        """The forecasts at which an attempt may be made, one column a stage.
+
+        NaN where no threshold leads to an attempt: after looking ended, without a forecast, and out
+        of distribution. Of a run at threshold 1 these are the forecasts of the policy at any
+        threshold t, which attempts at the first of them that is t or more: whether a further look
+        pays does not depend on the threshold.
+        """
+        out = np.full((len(self.rows), len(self.stages)), np.nan)
+        for s, stage in enumerate(self.stages):
+            for i in np.flatnonzero(self.looks > s).tolist():
+                if (verdict := stage[i].verdict).may_attempt:
+                    out[i, s] = verdict.probability
+        return out
+
+
+def ended_stages(goes_on: Bool[ndarray, "m n"]) -> Int[ndarray, " n"]:
+    """Return the stage, from 0, at which looking at each instance ends.
+
+    Parameters
+    ----------
+    goes_on
+        Whether a further look follows each stage but the last, (stages - 1, n).
+    """
+    ends = np.zeros((1, goes_on.shape[1]), dtype=bool)
+    return np.asarray(np.argmin(np.concatenate([goes_on, ends]), axis=0))
 
 
 def run_policy(
@@ -102,28 +148,40 @@ def run_policy(
         raise MismatchError("further looks need camera poses", parameters=("camera_poses",))
     stages: list[list[VerdictRow]] = []
     taken: list[ndarray] = []
+    options = {"threshold": threshold, "guarantee": guarantee, "ood_alpha": ood_alpha}
     for looks in range(1, settings.max_looks + 1):
         stage = replace(settings, max_views=looks)
-        options = {"threshold": threshold, "guarantee": guarantee, "ood_alpha": ood_alpha}
         fused, rows = judge_recorded(forecaster, inputs, dataset, motion, stage, **options)
         stages.append([_named(row, looks) for row in rows])
         taken.append(fused.gathered.present.any(axis=2).sum(axis=1))
-    ended = _ended(stages, taken)
+    asked = [[row.verdict.look is not None for row in stage] for stage in stages[:-1]]
+    more = np.diff(np.array(taken), axis=0) > 0
+    ended = ended_stages(np.array(asked, dtype=bool).reshape(more.shape) & more)
     chosen = [stages[end][i] for i, end in enumerate(ended.tolist())]
-    return PolicyRun(chosen, ended + 1, tuple(stages))
+    return PolicyRun(fused.instances, chosen, ended + 1, tuple(stages), taken[-1])
+
+
+def run_at_once(
+    forecaster: Forecaster,
+    inputs: Inputs,
+    dataset: str,
+    motion: CameraMotion | None,
+    settings: ViewSettings,
+    **options: Any,
+) -> PolicyRun:
+    """Judge the recorded images of one dataset with all the views there are, as a run of one stage.
+
+    Parameters
+    ----------
+    forecaster, inputs, dataset, motion, settings, options
+        As for :func:`run_policy`, but for ``settings.max_views``, which is used. A fused pose that
+        guides is named ``fused``.
+    """
+    fused, rows = judge_recorded(forecaster, inputs, dataset, motion, settings, **options)
+    once = np.ones(len(rows), dtype=np.int64)
+    return PolicyRun(fused.instances, rows, once, (rows,), once)
 
 
 def _named(row: VerdictRow, looks: int) -> VerdictRow:
     """Return a row whose fused guide is named by the looks allowed."""
     return replace(row, principal=f"{FUSED}{looks}") if row.principal == FUSED else row
-
-
-def _ended(stages: list[list[VerdictRow]], taken: list[ndarray]) -> Int[ndarray, " n"]:
-    """Return the number of the stage, from 0, at which looking at each instance ended."""
-    out = np.zeros(len(stages[0]), dtype=np.int64)
-    for later in range(1, len(stages)):
-        before = stages[later - 1]
-        asked = np.array([row.verdict.look is not None for row in before], dtype=bool)
-        more = taken[later] > taken[later - 1]
-        out[(out == later - 1) & asked & more] = later
-    return out

@@ -1,27 +1,32 @@
-"""Verdicts on recorded estimates of several datasets, with the views that each instance has."""
+"""Verdicts on recorded estimates of a dataset, with the views that each instance has."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from math import degrees
 from typing import Any
 
 from graspcast.errors import MismatchError, UnknownNameError
-from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.loading import Inputs
-from graspcast.forecasting.fallbacks import Fallbacks, certificate_of
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.look_again import MIN_GAIN
-from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import VerdictRow
 from graspcast.forecasting.view_verdicts import BEST, FUSED
 from graspcast.forecasting.visibility_features import seen_in_images
-from graspcast.guarantees.certificate import Certificate
+from graspcast.guarantees.look_policy import LookPolicy
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.choice import MIN_PARALLAX_RAD, ViewsFrom
 from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
 
-__all__ = ["ViewSettings", "fused_of", "judge_recorded", "verdicts_with_views"]
+__all__ = [
+    "ViewSettings",
+    "check_views",
+    "fused_of",
+    "guides_of",
+    "judge_recorded",
+    "policy_of",
+]
 
 
 @dataclass(frozen=True)
@@ -105,60 +110,73 @@ def judge_recorded(
     return fused, rows
 
 
-def verdicts_with_views(
-    models: Fallbacks,
-    inputs: Inputs,
-    motions: Mapping[str, CameraMotion],
-    settings: ViewSettings,
-    *,
-    threshold: float = 0.5,
-    certificates: Sequence[Certificate] = (),
-    ood_alpha: float = OOD_ALPHA,
-) -> list[VerdictRow]:
-    """Return a verdict on every instance of the principal's, ordered by key.
+def policy_of(forecaster: Forecaster, settings: ViewSettings, *, views: bool) -> LookPolicy | None:
+    """Return the policy of a certificate; None for the principal's one view.
 
     Parameters
     ----------
-    models
-        Forecasters; where the first has no forecast, the next answers.
-    inputs
-        Estimates of any datasets; its notes get what is left out.
-    motions
-        Dataset's name to its camera motion; without it each image is judged alone.
+    forecaster
+        Whose verdicts are meant.
     settings
-        Which views serve, and who guides.
-    threshold, certificates, ood_alpha
-        As for :meth:`Fallbacks.verdict_rows`.
+        Which views serve, and who guides. With several looks, a verdict has as many views as looks.
+    views
+        Whether there is camera motion.
+    """
+    principal = forecaster.card.principal
+    guide = principal if settings.guide is None else settings.guide
+    looks = settings.max_looks
+    if not views and looks == 1:
+        if guide in (principal, FUSED):  # From one view, the principal guides instead.
+            return None
+        settings = ViewSettings(max_views=1)
+    return LookPolicy(
+        guide=guide,
+        views=views,
+        max_looks=looks,
+        max_views=looks if looks > 1 else settings.max_views,
+        views_from=settings.views_from,
+        min_parallax_deg=round(degrees(settings.min_parallax_rad), 6),
+        translation_sd_m=settings.noise.translation_m,
+        rotation_sd_rad=settings.noise.rotation_rad,
+        min_gain=settings.min_gain,
+    )
+
+
+def guides_of(forecaster: Forecaster, policy: LookPolicy | None) -> list[str]:
+    """Return all names of estimators and fused poses that guide attempts under a policy.
+
+    Episodes call every fused pose ``fused``, runs over recorded images ``fused2`` and so on.
+    """
+    if policy is None or policy.guide not in (FUSED, BEST):
+        return [forecaster.card.principal if policy is None else policy.guide]
+    fused = [FUSED, *(f"{FUSED}{looks}" for looks in range(2, policy.max_looks + 1))]
+    fused = fused if policy.views else []
+    if policy.guide == FUSED:
+        return [forecaster.card.principal, *fused]
+    return [*(forecaster.card.estimators if policy.views else forecaster.guides), *fused]
+
+
+def check_views(
+    forecasters: Iterable[Forecaster],
+    settings: ViewSettings,
+    motions: Mapping[str, CameraMotion],
+) -> None:
+    """Check that forecasters know the guide, and that one was trained with views if they serve.
 
     Raises
     ------
     MismatchError
-        If no model can be used, or none was trained with views and there is camera motion.
+        If there is camera motion and none was trained with views.
     UnknownNameError
-        For a guide that is none of them.
+        For a guide that is none of those of the first.
     """
-    usable = models.usable(inputs.estimators)
-    known = (*usable[0].card.estimators, FUSED, BEST)
+    given = list(forecasters)
+    known = (*given[0].card.estimators, FUSED, BEST)
     if settings.guide is not None and settings.guide not in known:
         raise UnknownNameError("guide", settings.guide, known, parameters=("guide",))
-    if motions and all(forecaster.view_model is None for forecaster in usable):
+    if motions and all(forecaster.view_model is None for forecaster in given):
         raise MismatchError(
             "there are camera poses, but the model was trained without views: train it with "
             "camera poses too, or give none here",
             parameters=("model", "camera_poses"),
         )
-    out: dict[InstanceKey, VerdictRow] = {}
-    for forecaster in usable:
-        least: float | None = threshold
-        guarantee = None
-        if certificates:
-            overall = certificate_of(forecaster, certificates, ood_alpha).overall
-            least, guarantee = overall.threshold, str(overall)
-        for dataset in inputs.results:
-            motion = motions.get(dataset)
-            options = {"threshold": least, "guarantee": guarantee, "ood_alpha": ood_alpha}
-            fused, rows = judge_recorded(forecaster, inputs, dataset, motion, settings, **options)
-            for key, row in zip(fused.instances.to_keys(), rows, strict=True):
-                if key not in out or out[key].verdict.probability is None:
-                    out[key] = row
-    return [out[key] for key in sorted(out)]

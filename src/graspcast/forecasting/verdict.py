@@ -18,6 +18,7 @@ from graspcast.io.arguments import number
 from graspcast.views.next_look import NextLook
 
 __all__ = [
+    "InstanceLooks",
     "Verdict",
     "VerdictRow",
     "check_threshold",
@@ -67,6 +68,11 @@ class Verdict:
     attribution: tuple[tuple[str, float], ...] = ()
     look: NextLook | None = None
 
+    @property
+    def may_attempt(self) -> bool:
+        """Whether there is a threshold at which it is attempted: a forecast that can be trusted."""
+        return self.probability is not None and not self.out_of_distribution
+
     def __str__(self) -> str:
         if self.look is not None:
             return "look again"
@@ -101,6 +107,30 @@ class VerdictRow:
 
     def __repr__(self) -> str:
         return f"VerdictRow({self.key} by {self.principal}, {self.gripper} gripper: {self.verdict})"
+
+
+@dataclass(frozen=True, eq=False)
+class InstanceLooks:
+    """The verdicts on one instance after each look.
+
+    Attributes
+    ----------
+    rows
+        After one look, two, and so on: as many as there were images, or were allowed.
+    ended
+        After how many looks the policy ended.
+    """
+
+    rows: tuple[VerdictRow, ...]
+    ended: int
+
+    def __repr__(self) -> str:
+        return f"InstanceLooks({len(self.rows)} looks, ended after {self.ended}: {self.last})"
+
+    @property
+    def last(self) -> VerdictRow:
+        """The verdict at which looking ended."""
+        return self.rows[self.ended - 1]
 
 
 def check_threshold(threshold: float) -> float:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from os import PathLike
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -21,7 +22,7 @@ from graspcast.io.reading import read_text
 from graspcast.pose.transforms import transform
 from graspcast.views.next_look import NextLook
 
-__all__ = ["COLUMNS", "read_verdicts", "write_verdicts"]
+__all__ = ["COLUMNS", "read_rows", "read_verdicts", "verdict_fields", "write_verdicts"]
 
 _NUMBERS = ("scene_id", "im_id", "obj_id", "est_id")
 _NAMES = ("dataset", "principal", "gripper", "grasp")
@@ -57,31 +58,32 @@ former versions, without ``views`` and what follows, are read too.
 @checked(path=PATH)
 def write_verdicts(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> None:
     """Write verdicts as CSV, atomically; no probability is an empty field."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(COLUMNS)
     rows = list(rows) if isinstance(rows, Iterable) else rows
     refuse_unless(sequence(a(VerdictRow)), rows, "write_verdicts", "rows")
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerows([COLUMNS, *verdict_fields(rows)])
+    write_text(path, out.getvalue())
+
+
+def verdict_fields(rows: Sequence[VerdictRow]) -> Iterator[list[Any]]:
+    """Yield the fields of each row, as in :data:`COLUMNS`."""
     poses = np.stack([row.cam_T_obj for row in rows]) if rows else np.empty((0, 4, 4))
     R, t = poses[:, :3, :3].reshape(-1, 9).tolist(), millimetres(poses[:, :3, 3]).tolist()
     for i, row in enumerate(rows):
         given = row.verdict.probability
-        writer.writerow(
-            [
-                *row.key,
-                row.principal,
-                row.gripper,
-                row.grasp,
-                "" if given is None else f"{given:.6f}",
-                row.verdict,
-                row.verdict.reason,
-                " ".join(map(repr, R[i])),
-                " ".join(map(repr, t[i])),
-                row.views,
-                *_look_fields(row.verdict.look),
-            ]
-        )
-    write_text(path, out.getvalue())
+        yield [
+            *row.key,
+            row.principal,
+            row.gripper,
+            row.grasp,
+            "" if given is None else f"{given:.6f}",
+            row.verdict,
+            row.verdict.reason,
+            " ".join(map(repr, R[i])),
+            " ".join(map(repr, t[i])),
+            row.views,
+            *_look_fields(row.verdict.look),
+        ]
 
 
 @checked(path=PATH)
@@ -91,33 +93,61 @@ def read_verdicts(path: str | PathLike[str]) -> list[VerdictRow]:
     Raises
     ------
     FormatError
-        Naming the line; for a file of a former version, which names no instance; and for two
-        verdicts on the same grasp.
+        Naming the line; for a file of a former version, which names no instance; for two verdicts
+        on the same grasp; and for a file of verdicts after each look.
+    """
+    lines: dict[tuple[object, ...], str] = {}
+    out = []
+    for found, row, where in read_rows(path):
+        if row.keys() >= {"looks", "ended"}:
+            raise FormatError(
+                path,
+                "holds the verdicts after each look; give it as such",
+                parameters=("verdicts", "stages"),
+            )
+        trial = (found.key, found.principal, found.gripper, found.grasp)
+        if trial in lines:
+            raise FormatError(
+                path,
+                f"{lines[trial]} holds a verdict on the same grasp: {found.key}",
+                where=where,
+            )
+        lines[trial] = where
+        out.append(found)
+    return out
+
+
+def read_rows(
+    path: str | PathLike[str], *, more: Sequence[str] = ()
+) -> Iterator[tuple[VerdictRow, dict[str, str], str]]:
+    """Yield each verdict of a file, its fields as text, and its line in words.
+
+    Parameters
+    ----------
+    path
+        A CSV.
+    more
+        Columns that it should have, beside those of every verdicts file.
+
+    Raises
+    ------
+    FormatError
+        Naming the line.
     """
     try:
         with io.StringIO(read_text(path), newline="") as stream:
             reader = csv.DictReader(stream)
-            _check_columns(path, reader.fieldnames or ())
-            lines: dict[tuple[object, ...], int] = {}
-            out = []
+            _check_columns(path, reader.fieldnames or (), more)
             for row in reader:
-                found = _verdict_row(row, path, f"line {reader.line_num}")
-                trial = (found.key, found.principal, found.gripper, found.grasp)
-                if trial in lines:
-                    raise FormatError(
-                        path,
-                        f"line {lines[trial]} holds a verdict on the same grasp: {found.key}",
-                        where=f"line {reader.line_num}",
-                    )
-                lines[trial] = reader.line_num
-                out.append(found)
-            return out
+                where = f"line {reader.line_num}"
+                yield _verdict_row(row, path, where), row, where
     except csv.Error as error:
         raise FormatError(path, f"is not a CSV file ({error})") from error
 
 
-def _check_columns(path: str | PathLike[str], columns: Sequence[str]) -> None:
-    missing = [name for name in _FIRST if name not in columns]
+def _check_columns(path: str | PathLike[str], columns: Sequence[str], more: Sequence[str]) -> None:
+    needed = (*_FIRST, *more)
+    missing = [name for name in needed if name not in columns]
     if not missing:
         return
     if "verdict" in columns and "est_id" in missing:
@@ -126,9 +156,8 @@ def _check_columns(path: str | PathLike[str], columns: Sequence[str]) -> None:
             "is a verdicts file of a former version, which does not say which instance a row is "
             "about; run graspcast predict again",
         )
-    raise FormatError(
-        path, f"no column {', '.join(missing)}; a verdicts file has {', '.join(_FIRST)}"
-    )
+    what = "a file of verdicts after each look" if more else "a verdicts file"
+    raise FormatError(path, f"no column {', '.join(missing)}; {what} has {', '.join(needed)}")
 
 
 def _verdict_row(row: dict[str, str], path: str | PathLike[str], where: str) -> VerdictRow:

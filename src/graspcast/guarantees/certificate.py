@@ -8,6 +8,7 @@ from os import PathLike
 from typing import Any, get_args
 
 from graspcast.errors import FormatError, GraspcastError, MismatchError, UnknownNameError
+from graspcast.guarantees.look_policy import LookPolicy, check_policy
 from graspcast.guarantees.threshold_sequence import ThresholdSequence
 from graspcast.guarantees.unit_draws import Weight
 from graspcast.io.arguments import PATH, checked
@@ -20,7 +21,9 @@ OVERALL = "all objects"
 """The scope of the guarantee for all objects together."""
 MAX_UNITS = 10_000
 """How many units :attr:`Guarantee.needed_units` is searched among."""
-_FORMAT = 2
+_FORMAT = 3
+_READ = (2, _FORMAT)
+"""Format 2 has no policy: it is of the principal's one view."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +131,10 @@ class Certificate:
     sequence
         Of the thresholds.
     provenance
-        The model's digest, ``ood_alpha``, principal, gripper, kind of unit, and versions.
+        The model's digest, ``ood_alpha``, principal, gripper, kind of unit, and versions; with a
+        policy also ``guides``, the names of estimators and fused poses that guide attempts.
+    policy
+        What is certified, where it is more than the principal's one view.
     """
 
     guarantees: tuple[Guarantee, ...]
@@ -139,6 +145,7 @@ class Certificate:
     seed: int
     sequence: ThresholdSequence
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    policy: LookPolicy | None = None
 
     def __repr__(self) -> str:
         return f"Certificate({self.overall})"
@@ -161,8 +168,10 @@ class Certificate:
             raise UnknownNameError("scope of a guarantee", scope, by_name, parameters=("object",))
         return by_name[scope]
 
-    def check_belongs_to(self, model_digest: str, ood_alpha: float) -> None:
-        """Check that it was made for a model's forecasts and an out-of-distribution threshold.
+    def check_belongs_to(
+        self, model_digest: str, ood_alpha: float, policy: LookPolicy | None = None
+    ) -> None:
+        """Check that it was made for a model's forecasts, and for how they are used.
 
         Parameters
         ----------
@@ -171,6 +180,8 @@ class Certificate:
         ood_alpha
             Verdicts abstain at this p-value or below it. A certificate that does not state one fits
             any.
+        policy
+            Who guides, which views serve and how many looks; None is the principal's one view.
 
         Raises
         ------
@@ -188,6 +199,7 @@ class Certificate:
                 "is attempted would not be what was certified",
                 parameters=("ood_alpha",),
             )
+        check_policy(self.policy, policy)
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values, for JSON."""
@@ -207,12 +219,14 @@ class Certificate:
             Naming the entry that is missing or wrong.
         """
         content = read_artefact(path, "certify again", parameters=("certificate",))
-        if (found := require(content, "format", path, "top level")) != _FORMAT:
+        if (found := require(content, "format", path, "top level")) not in _READ:
             raise FormatError(
                 path,
                 f"is a certificate of format {found}, not {_FORMAT}; certify again",
                 parameters=("certificate",),
             )
+        if found != _FORMAT:
+            content = {**content, "policy": None}
         given = {f.name: require(content, f.name, path, "top level") for f in fields(cls)}
         try:
             guarantees = tuple(_guarantee(entry) for entry in given["guarantees"])
@@ -229,6 +243,9 @@ class Certificate:
                 seed=int(given["seed"]),
                 sequence=ThresholdSequence.from_dict(given["sequence"]),
                 provenance=dict(given["provenance"]),
+                policy=None
+                if (policy := given["policy"]) is None
+                else LookPolicy.from_dict(policy),
             )
         except (KeyError, TypeError, ValueError, OverflowError, GraspcastError) as error:
             raise FormatError(
@@ -246,6 +263,10 @@ def _count(value: Any) -> int:
     if type(value) is not int or value < 0:
         raise ValueError(f"{value!r} is not a whole number, 0 or more")
     return value
+
+
+def _policy(content: Mapping[str, Any] | None) -> LookPolicy | None:
+    return None if content is None else LookPolicy.from_dict(content)
 
 
 _PARSERS: dict[str, Any] = {

@@ -21,10 +21,11 @@ from dataclasses import dataclass
 from typing import Any, get_args
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Int
 from numpy import ndarray
 
 from graspcast.errors import InputError, UnknownNameError
+from graspcast.guarantees.attempts import Forecasts, Outcomes, attempts_at
 from graspcast.guarantees.binomial import lower_bound, mean_interval, needed_trials, p_value
 from graspcast.guarantees.certificate import MAX_UNITS, OVERALL, Certificate, Guarantee
 from graspcast.guarantees.threshold_sequence import (
@@ -38,8 +39,8 @@ __all__ = ["certify"]
 
 
 def certify(
-    probability: Float[ndarray, " n"],
-    success: Bool[ndarray, " n"],
+    probability: Forecasts,
+    success: Outcomes,
     units: ndarray,
     *,
     rate: float,
@@ -62,9 +63,11 @@ def certify(
     Parameters
     ----------
     probability
-        Forecasts for the calibration trials, (n,).
+        Forecasts for the calibration trials, (n,). Of a policy with several looks, all forecasts of
+        each in order, (n, looks): it attempts at the first that reaches the threshold. NaN, where
+        nothing is attempted at any threshold, is allowed in the latter alone.
     success
-        Their outcomes, (n,).
+        Their outcomes, in the same shape; those at NaN do not count.
     units
         The scene or image of each, (n,); units are independent, trials within one need not be.
     rate
@@ -125,7 +128,13 @@ def _check(
             "there are no calibration trials: give outcomes that were not used in training",
             parameters=("outcomes",),
         )
-    if not ((probability >= 0) & (probability <= 1)).all():
+    if probability.shape != success.shape:
+        raise InputError(
+            f"probabilities, {probability.shape}, and outcomes, {success.shape}, should have the "
+            "same shape"
+        )
+    absent = np.isnan(probability) & (probability.ndim > 1)
+    if not (absent | ((probability >= 0) & (probability <= 1))).all():
         raise InputError("calibration probabilities should all be numbers between 0 and 1")
 
 
@@ -142,8 +151,8 @@ class _Test:
     def certify(
         self,
         scope: str,
-        probability: Float[ndarray, " n"],
-        success: Bool[ndarray, " n"],
+        probability: Forecasts,
+        success: Outcomes,
         units: ndarray,
     ) -> Guarantee:
         """Return the guarantee for the trials of one scope."""
@@ -155,7 +164,7 @@ class _Test:
         if threshold is None:
             threshold, needed_units = self._fewest_units(probability, success, number)
         shares = UnitShares.at(threshold, probability, success, number)
-        attempt = probability >= threshold
+        attempted, successful = attempts_at(threshold, probability, success)
         drawn_attempts, drawn_successes = draws.count(threshold)
         return Guarantee(
             scope=scope,
@@ -168,8 +177,8 @@ class _Test:
             drawn_attempts=drawn_attempts,
             drawn_successes=drawn_successes,
             lower_bound=lower_bound(drawn_successes, drawn_attempts, 1.0 - error),
-            attempts=int(attempt.sum()),
-            successful_attempts=int((attempt & success).sum()),
+            attempts=int(attempted.sum()),
+            successful_attempts=int(successful.sum()),
             attempt_rate=float(shares.attempted.mean()),
             attempt_rate_interval=mean_interval(shares.attempted, self.confidence),
             needed_units=needed_units,
@@ -190,17 +199,17 @@ class _Test:
         return certified, error
 
     def _fewest_units(
-        self, probability: ndarray, success: ndarray, number: Int[ndarray, " n"]
+        self, probability: Forecasts, success: Outcomes, number: Int[ndarray, " n"]
     ) -> tuple[float, int | None]:
         """Return the threshold that the fewest new units would certify, and how many.
 
         If :data:`MAX_UNITS` would not do at any, the threshold with the largest weight, and None.
         """
         fewest, best = MAX_UNITS + 1, None
-        attempts = -1
+        reached = -1
         for threshold in self.sequence.thresholds:
-            before, attempts = attempts, int((probability >= threshold).sum())
-            if attempts == before:
+            before, reached = reached, int((probability >= threshold).sum())
+            if reached == before:
                 continue
             shares = UnitShares.at(threshold, probability, success, number)
             share, success_rate = shares.expected_draws(self.weight)

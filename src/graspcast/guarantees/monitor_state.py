@@ -25,8 +25,13 @@ from graspcast.io.json import require
 
 __all__ = ["MonitorState"]
 
-# Columns of the attempt log, and what the certificate states of them.
-_KEPT = {"estimator": "principal", "gripper": "gripper", "grasp": "grasp", "dataset": "datasets"}
+# Columns of the attempt log, and what the certificate states of them: the first that there is.
+_KEPT = {
+    "estimator": ("guides", "principal"),
+    "gripper": ("gripper",),
+    "grasp": ("grasp",),
+    "dataset": ("datasets",),
+}
 
 _DEFAULT_ALPHA = 0.05
 
@@ -131,8 +136,8 @@ class MonitorState:
         attempt_log
             The attempts, oldest first, as a table of outcomes.
         provenance
-            The certificate's: its ``principal``, ``gripper``, ``grasp``, ``datasets`` and ``unit``,
-            if known.
+            The certificate's: its ``guides`` or ``principal``, ``gripper``, ``grasp``, ``datasets``
+            and ``unit``, if known.
 
         Returns
         -------
@@ -147,11 +152,12 @@ class MonitorState:
             estimator or gripper than the certificate's.
         """
         frame = read_outcomes(attempt_log)
-        for column, key in _KEPT.items():
-            kept = provenance.get(key, ())
+        for column, keys in _KEPT.items():
+            kept = next((provenance[key] for key in keys if key in provenance), None)
+            if kept is None:
+                continue
             kept = [kept] if isinstance(kept, str) else kept
-            others = set(frame[column]) - set(kept)
-            if key in provenance and others:
+            if others := set(frame[column]) - set(kept):
                 raise MismatchError(
                     f"{attempt_log}: has attempts of {column} {', '.join(sorted(others))}, but the "
                     f"guarantee is for {', '.join(kept)}",

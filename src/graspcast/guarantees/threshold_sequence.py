@@ -20,10 +20,11 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from numpy import ndarray
 
 from graspcast.errors import InputError
+from graspcast.guarantees.attempts import Forecasts, Outcomes, largest
 from graspcast.guarantees.binomial import power
 from graspcast.guarantees.unit_draws import UnitShares, Weight
 
@@ -124,8 +125,8 @@ def default_sequence(rate: float) -> ThresholdSequence:
 
 
 def learn_sequence(
-    probability: Float[ndarray, " n"],
-    success: Bool[ndarray, " n"],
+    probability: Forecasts,
+    success: Outcomes,
     units: ndarray,
     *,
     rate: float,
@@ -143,11 +144,10 @@ def learn_sequence(
 
     Parameters
     ----------
-    probability
-        Forecasts for data that are *not* the calibration data and that the forecaster was not
-        trained on: out-of-fold predictions of its training data, (n,).
-    success
-        Their outcomes, (n,).
+    probability, success
+        Forecasts and outcomes (:mod:`graspcast.guarantees.attempts`) of data that are *not* the
+        calibration data and that the forecaster was not trained on: out-of-fold predictions of its
+        training data.
     units
         Their scenes or images, (n,).
     rate
@@ -159,10 +159,10 @@ def learn_sequence(
     weight
         As for :func:`graspcast.certify`.
     steps
-        How many thresholds there are, quantiles of ``probability``.
+        How many thresholds there are: quantiles of the largest at which trials are attempted.
     """
     shares = (np.arange(steps) + 1) / steps
-    thresholds = np.unique(np.quantile(probability, 1.0 - shares, method="lower"))[::-1]
+    thresholds = np.unique(np.quantile(largest(probability), 1.0 - shares, method="lower"))[::-1]
     number = np.unique(units, return_inverse=True)[1]
     powers = []
     for threshold in thresholds.tolist():
@@ -182,8 +182,8 @@ def learn_sequence(
 
 
 def split_sequence(
-    probability: Float[ndarray, " n"],
-    success: Bool[ndarray, " n"],
+    probability: Forecasts,
+    success: Outcomes,
     units: ndarray,
     *,
     share: float,

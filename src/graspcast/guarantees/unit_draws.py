@@ -28,9 +28,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from numpy import ndarray
 
+from graspcast.guarantees.attempts import Forecasts, Outcomes, attempts_at, of_looks
 from graspcast.io.hashing import sha256
 
 __all__ = ["UnitDraws", "UnitShares", "Weight"]
@@ -43,10 +44,8 @@ class UnitDraws:
 
     Parameters
     ----------
-    probability
-        Forecasts, (n,).
-    success
-        Outcomes, (n,).
+    probability, success
+        Forecasts and outcomes (:mod:`graspcast.guarantees.attempts`).
     number
         The number of each trial's unit, from 0, (n,).
     weight
@@ -57,16 +56,19 @@ class UnitDraws:
 
     def __init__(
         self,
-        probability: Float[ndarray, " n"],
-        success: Bool[ndarray, " n"],
+        probability: Forecasts,
+        success: Outcomes,
         number: Int[ndarray, " n"],
         weight: Weight,
         seed: int,
     ):
         # The generator is seeded with the data too: if it were the same for all data, a seed that
         # happens to favour the most probable trials of the units would do so in every calibration.
-        order = np.lexsort((success, probability, number))
-        digest = sha256(number[order].astype(np.int64), probability[order].astype(np.float64))
+        absent = np.isnan(probability)
+        filled = np.where(absent, 0.0, probability).astype(np.float64)
+        keys = (*of_looks(absent).T, *of_looks(success).T, *of_looks(filled).T)
+        order = np.lexsort((*keys, number))
+        digest = sha256(number[order].astype(np.int64), filled[order])
         words = np.frombuffer(bytes.fromhex(digest), np.uint32)
         random = np.random.default_rng([seed, *words.tolist()])
         key = random.random(len(order))
@@ -81,9 +83,10 @@ class UnitDraws:
 
     def count(self, threshold: float) -> tuple[int, int]:
         """Return the number of drawn attempts at a threshold, and how many of them succeeded."""
-        attempt = np.flatnonzero(self._probability >= threshold)
+        attempted, succeeded = attempts_at(threshold, self._probability, self._success)
+        attempt = np.flatnonzero(attempted)
         drawn = attempt[_first_of_each(self._number[attempt])]
-        return len(drawn), int(self._success[drawn].sum())
+        return len(drawn), int(succeeded[drawn].sum())
 
 
 def _first_of_each(number: Int[ndarray, " m"]) -> Int[ndarray, " k"]:
@@ -113,15 +116,15 @@ class UnitShares:
     def at(
         cls,
         threshold: float,
-        probability: Float[ndarray, " n"],
-        success: Bool[ndarray, " n"],
+        probability: Forecasts,
+        success: Outcomes,
         number: Int[ndarray, " n"],
     ) -> UnitShares:
         """Count attempts and successes by unit; units are numbered from 0, none left out."""
-        attempt = probability >= threshold
+        attempted, successful = attempts_at(threshold, probability, success)
         size = np.bincount(number)
-        attempts = np.bincount(number[attempt], minlength=len(size))
-        successes = np.bincount(number[attempt & success], minlength=len(size))
+        attempts = np.bincount(number[attempted], minlength=len(size))
+        successes = np.bincount(number[successful], minlength=len(size))
         succeeded = np.full(len(size), np.nan)
         np.divide(successes, attempts, out=succeeded, where=attempts > 0)
         return cls(attempts / size, succeeded, size / size.max())
