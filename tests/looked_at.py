@@ -71,9 +71,11 @@ def fused(
     return fuse_estimates(results, motion, **how)  # type: ignore[arg-type]
 
 
-def trained(folder: Path, *, views: bool = True) -> tuple[graspcast.Forecaster, dict[str, Models]]:
-    """A forecaster of these objects by a, b and c."""
-    given = training(folder)
+def trained(
+    folder: Path, *, views: bool = True, names: Sequence[str] = NAMES
+) -> tuple[graspcast.Forecaster, dict[str, Models]]:
+    """A forecaster of these objects by estimators."""
+    given = training(folder, names=names)
     data = given.data if views else replace(given.data, views=None)
     settings = ForestSettings(trees=20, folds=0)
     forecaster = graspcast.train_forecaster(data, models=given.models, forests=settings)

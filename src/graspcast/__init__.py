@@ -53,8 +53,9 @@ if TYPE_CHECKING:
     from graspcast.evaluation.estimator_comparison import compare
     from graspcast.evaluation.policy_certification import certify_policy
     from graspcast.evaluation.verdict_scores import score_verdicts
+    from graspcast.forecasting.episode import Episode
     from graspcast.forecasting.episode_verdict import EpisodeVerdict
-    from graspcast.forecasting.episodes import Episode, Episodes
+    from graspcast.forecasting.episodes import Episodes
     from graspcast.forecasting.fallbacks import Fallbacks
     from graspcast.forecasting.features import consensus_features
     from graspcast.forecasting.forecaster import Forecaster
@@ -111,7 +112,8 @@ _HOME = {
     "evaluation.policy_certification": ("certify_policy",),
     "evaluation.verdict_scores": ("score_verdicts",),
     "forecasting.episode_verdict": ("EpisodeVerdict",),
-    "forecasting.episodes": ("Episode", "Episodes"),
+    "forecasting.episode": ("Episode",),
+    "forecasting.episodes": ("Episodes",),
     "forecasting.fallbacks": ("Fallbacks",),
     "forecasting.features": ("consensus_features",),
     "forecasting.forecaster": ("Forecaster",),

@@ -46,7 +46,7 @@ def test_no_further_model_answers_for_an_object_that_moved(
     given = training(root / "models")
     with pytest.warns(match="not calibrated"):
         forecaster, _ = trained(tmp_path_factory.mktemp("views"))
-        without, _ = trained(tmp_path_factory.mktemp("none"), views=False)
+        fewer, _ = trained(tmp_path_factory.mktemp("none"), views=False, names="ab")
     results = {}
     for name, rows in given.results.items():
         poses = rows.cam_T_obj.copy()
@@ -55,7 +55,7 @@ def test_no_further_model_answers_for_an_object_that_moved(
         results[name] = replace(rows, cam_T_obj=poses)
     inputs = Inputs({"d": BopDataset(root)}, {"d": results})
     rows = verdicts_with_views(
-        Fallbacks([forecaster, without]),
+        Fallbacks([forecaster, fewer]),
         inputs,
         {"d": given.motion},
         ViewSettings(views_from="all", guide="fused"),

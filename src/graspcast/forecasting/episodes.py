@@ -1,4 +1,4 @@
-"""Episodes at run time: look at an object, or at all, until it can be grasped, or not.
+"""Looks at all objects of a scene at run time, until each can be grasped, or not.
 
 Nothing here reads or writes files. An episode may be asked by several threads; each look waits for
 the one before.
@@ -11,26 +11,20 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Any
 
-import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
 from graspcast.errors import UnknownNameError
-from graspcast.estimates.checks import no_estimate_by
-from graspcast.estimates.instances import split_object_name
 from graspcast.forecasting.episode_options import decision_options
-from graspcast.forecasting.episode_verdict import EpisodeVerdict, from_where
-from graspcast.forecasting.features import Features
+from graspcast.forecasting.episode_verdict import EpisodeVerdict
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.look_again import MIN_GAIN
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import Verdict, VerdictRow
-from graspcast.forecasting.visibility_features import seen_of
 from graspcast.guarantees.certificate import Certificate
-from graspcast.io.arguments import NAME, NAMED, a, checked, mapping, number
-from graspcast.pose.sanity import is_placeholder, pose_problems
+from graspcast.io.arguments import NAME, a, checked, mapping, number
 from graspcast.pose.transforms import compose
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.fused_estimates import FusedEstimates
@@ -38,14 +32,14 @@ from graspcast.views.look import Look
 from graspcast.views.looks import fuse_looks_by
 from graspcast.views.tracks import Tracks
 
-__all__ = ["Episode", "Episodes"]
+__all__ = ["Episodes"]
 
 _KEPT = 20
 """Looks that are remembered; a robot takes a few."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Taken:
+class Taken:
     """A look with what is known after it."""
 
     verdicts: list[EpisodeVerdict]
@@ -195,11 +189,12 @@ class Episodes:
         InputError, MismatchError
             As :func:`~graspcast.views.looks.fuse_looks`. The look then does not count.
         """
-        return self._look(results, world_T_cam, K, time_s).verdicts
+        return self.take_look(results, world_T_cam, K, time_s).verdicts
 
-    def _look(
+    def take_look(
         self, estimates: Mapping[str, Any], world_T_cam: Any, K: Any, time_s: Any, seen: Any = None
-    ) -> _Taken:
+    ) -> Taken:
+        """Take a further look, as :meth:`look` does, and return all that is known after it."""
         names = self.forecaster.card.estimators
         if unknown := [name for name in estimates if name not in names]:
             raise UnknownNameError("estimator", unknown[0], names, parameters=("estimates",))
@@ -218,7 +213,7 @@ class Episodes:
             tracks, count = self._tracks.copy(), self._count + 1
             out = [v for part in fused for v in self._verdicts(part, look, tracks, count)]
             self._looks, self._tracks, self._count = looks, tracks, count
-        return _Taken(sorted(out, key=lambda v: v.instance), looks, tracks, count)
+        return Taken(sorted(out, key=lambda v: v.instance), looks, tracks, count)
 
     def _verdicts(
         self, fused: FusedEstimates, look: Look, tracks: Tracks, count: int
@@ -267,137 +262,4 @@ class Episodes:
         seen = None if look.seen is None else {name: v[0] for name, v in look.seen.items()}
         return self.forecaster.judge(
             fused, self.models, max_looks=most, motion=motion, seen=seen, **self._options
-        )
-
-
-@checked(poses=NAMED)
-class Episode:
-    """Looks at one object, with a verdict after each.
-
-    ::
-
-        episode = Episode(forecaster, "ycbv-5", models=models, threshold=0.8, guide="fused")
-        verdict = episode.look({"epos": cam_T_a, "gdrnpp": cam_T_b}, world_T_cam)
-        while verdict.look:
-            move_camera(verdict.look.direction_world)
-            verdict = episode.look(estimate(), camera_pose())
-        if verdict.attempt:
-            grasp(verdict.world_T_obj)
-
-    Parameters
-    ----------
-    forecaster
-        A trained forecaster. One that was trained without views answers from the last look alone.
-    object_name
-        ``dataset-obj_id``, as in ``ycbv-5``.
-    models, threshold, guide, max_looks, max_views, min_gain, noise, ood_alpha, guarantee,
-    certificate
-        As for :class:`Episodes`.
-
-    Raises
-    ------
-    MismatchError
-        For an object that is not in training.
-    InputError, UnknownNameError
-        As :class:`Episodes`.
-    """
-
-    @checked(forecaster=a(Forecaster), object_name=NAME)
-    def __init__(
-        self,
-        forecaster: Forecaster,
-        object_name: str,
-        *,
-        models: Mapping[str, Models] | None = None,
-        threshold: float | None = None,
-        guide: str | None = None,
-        max_looks: int = 3,
-        max_views: int = 3,
-        min_gain: float = MIN_GAIN,
-        noise: CameraNoise | None = None,
-        ood_alpha: float = OOD_ALPHA,
-        guarantee: str | None = None,
-        certificate: Certificate | None = None,
-    ):
-        dataset, _ = split_object_name(object_name)
-        forecaster.card.numbers_of([object_name])
-        self.object_name = object_name
-        self._scene = Episodes(
-            forecaster,
-            dataset,
-            models=models,
-            threshold=threshold,
-            guide=guide,
-            max_looks=max_looks,
-            max_views=max_views,
-            min_gain=min_gain,
-            noise=noise,
-            ood_alpha=ood_alpha,
-            guarantee=guarantee,
-            certificate=certificate,
-        )
-
-    def __repr__(self) -> str:
-        return f"Episode({self.object_name}, {self._scene._count} looks)"
-
-    def forget(self) -> None:
-        """Forget all looks, as when the object was moved."""
-        self._scene.forget()
-
-    def look(
-        self,
-        poses: Mapping[str, Float[ndarray, "4 4"] | None],
-        world_T_cam: Float[ndarray, "4 4"] | None = None,
-        K: Float[ndarray, "3 3"] | None = None,
-        *,
-        time_s: float | None = None,
-        score: float | None = None,
-        image_fit: Features | None = None,
-    ) -> EpisodeVerdict:
-        """Take a further look at the object.
-
-        Parameters
-        ----------
-        poses
-            Estimator's name to its ``cam_T_obj``, metres; None, or no entry, where it found
-            nothing.
-        world_T_cam, K, time_s
-            As for :meth:`Episodes.look`.
-        score, image_fit
-            Of a single estimator's pose, as for :meth:`Forecaster.predict`.
-
-        Raises
-        ------
-        UnknownNameError, InputError, MismatchError
-            As :meth:`Episodes.look`. The look then does not count.
-        """
-        named = {name: {self.object_name: pose} for name, pose in poses.items()}
-        taken = self._scene._look(named, world_T_cam, K, time_s, seen_of(score, image_fit))
-        return taken.verdicts[0] if taken.verdicts else self._nothing(taken)
-
-    def _nothing(self, taken: _Taken) -> EpisodeVerdict:
-        """Return the verdict on a look without a sane estimate."""
-        look, track = taken.looks[-1], next(iter(taken.tracks.of(self.object_name)), None)
-        card = self._scene.forecaster.card
-        size = card.diameters_of(np.array([self.object_name]))
-        said = {
-            name: pose_problems(table.cam_T_obj, size)[0]
-            for name, table in look.results.items()
-            if len(table) and not is_placeholder(table.cam_T_obj[0])
-        }
-        advice = None
-        if track is not None and taken.count < self._scene.max_looks:
-            advice = from_where(track, taken.looks)
-        reason = f"{no_estimate_by(card.estimators, said)} in this look"
-        return EpisodeVerdict(
-            instance=0 if track is None else track.number,
-            object_name=self.object_name,
-            verdict=Verdict(
-                False, None, f"{reason}; look again {advice}" if advice else reason, look=advice
-            ),
-            guide=None,
-            cam_T_obj=None,
-            world_T_obj=None,
-            views=0,
-            looks=taken.count,
         )
