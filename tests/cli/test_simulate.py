@@ -54,6 +54,38 @@ def test_a_trial_for_each_estimate_and_none_twice(
     assert {path: path.stat().st_mtime_ns for path in files} == files
 
 
+def test_the_protocol_is_the_robot_s_unless_the_paper_s_is_asked_for(
+    world: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    def campaign(name: str, *more: str) -> tuple[pl.DataFrame, dict[str, object]]:
+        command = simulate(world, *tables, "--scenes", "0", "--out", str(world / name), *more)
+        assert main(command) == 0
+        manifest = json.loads((world / name / "manifest.json").read_text())
+        return pl.read_parquet(world / name / "outcomes.parquet"), manifest["setups"][0]
+
+    robot, setup = campaign("robot")
+    assert setup["protocol"] == "robot" and setup["settings"]["contact_force_n"] == 40.0
+    paper, setup = campaign("paper", "--protocol", "paper")
+    assert setup["protocol"] == "paper" and "contact_force_n" not in setup["settings"]
+    assert paper["force_n"].is_nan().all() and not robot["force_n"].is_nan().all()
+    gentle, setup = campaign("gentle", "--contact-force", "0.001")
+    assert setup["settings"]["contact_force_n"] == 0.001
+    touched = (robot["force_n"] > 0.001).sum()
+    assert (gentle["reason"] == "collided").sum() >= touched
+    assert not gentle.filter(pl.col("reason") == "collided")["success"].any()
+    both = simulate(world, *tables, "--protocol", "paper", "--contact-force", "30")
+    assert "leave out --contact-force, or give --protocol robot" in refused(both, capsys)
+    for wrong in ("0", "-5", "nan", "inf", "strong"):
+        with pytest.raises(SystemExit, match="2"):
+            main(simulate(world, *tables, "--contact-force", wrong))
+        assert "a force above zero, in newtons, is needed" in capsys.readouterr().err
+    said = refused([*both[:-2], "--out", str(world / "robot")], capsys)
+    assert "protocol (robot there, paper now)" in said
+    assert "must be at most 1e+06" in refused(
+        simulate(world, *tables, "--contact-force", "1e9"), capsys
+    )
+
+
 def test_what_cannot_be_simulated_is_refused(
     world: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -16,6 +16,7 @@ from graspcast.cli.options import (
     note_sizes,
     note_software_drawing,
 )
+from graspcast.cli.protocol_options import add_protocol, settings_of
 from graspcast.errors import InputError
 
 __all__ = ["add"]
@@ -41,6 +42,7 @@ def add(verbs: Verbs) -> None:
         help="only these, or the .toml file of a custom one; may be repeated",
     )
     add_tables(verb)
+    add_protocol(verb)
     verb.add_argument(
         "--size", metavar="PIXELS", type=field_size, default=320, help="of a picture (default: 320)"
     )
@@ -61,12 +63,14 @@ def _grasps(options: argparse.Namespace) -> None:
     catalogue = read_catalogue(options.catalogue)
     entries = [catalogue[name] for name in options.objects or catalogue]
     grippers = list(load_grippers(options.gripper or GRIPPERS).values())
+    settings = {gripper.name: settings_of(options, gripper) for gripper in grippers}
     note_software_drawing()
     with progress_bar("drawing") as move:
         cells = draw_cells(
             entries,
             grippers,
             read_grasps(options.grasps),
+            settings=settings,
             catalogue=catalogue,
             bop_dirs=bop_dirs_of(options),
             size=options.size,

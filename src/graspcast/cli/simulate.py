@@ -15,6 +15,7 @@ from graspcast.cli.options import (
     new_verb,
     note_sizes,
 )
+from graspcast.cli.protocol_options import add_protocol, settings_of
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
@@ -63,6 +64,7 @@ def add(verbs: Verbs) -> None:
     verb.add_argument(
         "--catalogue", metavar="FILE", type=Path, help="objects (TOML) besides the built-in ones"
     )
+    add_protocol(verb)
     verb.add_argument(
         "--workers", metavar="N", type=int, help="worker processes (default: all cores)"
     )
@@ -127,6 +129,7 @@ def _simulate(options: argparse.Namespace) -> None:
     # Errors are transferred from all objects; --objects names those that they are transferred to.
     inputs = inputs_of(options, every_object=options.transferred_errors is not None)
     grippers = load_grippers(options.gripper)
+    settings = {name: settings_of(options, gripper) for name, gripper in grippers.items()}
     grasps = read_grasps(options.grasps)
     requests = _requests(options, inputs, grasps, tuple(grippers))
     bop_dirs = {name: dataset.root for name, dataset in inputs.datasets.items()}
@@ -135,7 +138,12 @@ def _simulate(options: argparse.Namespace) -> None:
         requests = available_trials(requests, inputs.notes, bop_dirs=bop_dirs, catalogue=catalogue)
     note(*inputs.notes, *inputs.lengths)
     setups = load_setups(
-        requests, grasps, bop_dirs=bop_dirs, catalogue=catalogue, grippers=grippers
+        requests,
+        grasps,
+        settings=settings,
+        bop_dirs=bop_dirs,
+        catalogue=catalogue,
+        grippers=grippers,
     )
     note_sizes(
         [setup.grasp_object for setup in setups.values()],

@@ -57,7 +57,9 @@ def test_outcomes_are_those_of_the_trials_run_one_by_one(
     for row in outcomes.sample(6, seed=1).iter_rows(named=True):
         alone = runner.run(requests.obj_T_est[row["im_id"]], setup.grasp)
         assert (row["success"], row["reason"]) == (alone.success, alone.reason)
-        assert (row["offset_m"], row["steps"]) == (alone.offset_m, alone.steps)
+        for name in ("offset_m", "short_m", "force_n", "hit", "steps"):
+            told, wanted = row[name], getattr(alone, name)
+            assert told == wanted or (np.isnan(told) and np.isnan(wanted))
 
 
 def test_a_complete_campaign_is_four_files_and_is_not_run_again(

@@ -112,9 +112,11 @@ def _manifest(
     sources: Mapping[str, str],
 ) -> dict[str, Any]:
     used = {key: setups[key] for key in sorted(requests.pairs())}
+    protocols = sorted({setup.settings.protocol for setup in used.values()})
     configuration = {
         "graspcast": __version__,
         "mujoco": mujoco.__version__,
+        **({} if protocols == ["paper"] else {"protocol": " and ".join(protocols)}),
         **{f"estimates of {name}": digest for name, digest in sorted(requests.digests().items())},
         **{f"{name} by {gripper}": setup.digest for (name, gripper), setup in used.items()},
     }
@@ -140,6 +142,7 @@ def _describe(setup: TrialSetup) -> dict[str, Any]:
         "sim_T_ref": grasp_object.sim_T_ref.tolist(),
         "obj_T_grasp": setup.grasp.obj_T_grasp.tolist(),
         "early_stop": setup.early_stop,
+        "protocol": setup.settings.protocol,
         "settings": setup.settings.as_dict(),
     }
 
@@ -160,7 +163,10 @@ def _batches(requests: TrialRequests, left: np.ndarray) -> Iterator[Batch]:
 def _table(
     requests: TrialRequests, batch: Batch, outcomes: list[Outcome], setup: TrialSetup
 ) -> pl.DataFrame:
-    fields = ("success", "reason", "offset_m", "simulated_s", "computed_s", "steps")
+    fields = (
+        *("success", "reason", "offset_m", "short_m", "force_n", "hit"),
+        *("simulated_s", "computed_s", "steps"),
+    )
     columns = {name: [getattr(outcome, name) for outcome in outcomes] for name in fields}
     error = error_numbers(requests.obj_T_est[batch.rows])
     return requests.keys[batch.rows].with_columns(
