@@ -31,6 +31,7 @@ import numpy as np
 import polars as pl
 
 from graspcast.estimates.outcomes import TRIAL_COLUMNS
+from graspcast.io.markdown import table
 from graspcast.paper.dataset import Published
 from graspcast.paper.validation import published_trials
 from graspcast.pose.transforms import exp, transform
@@ -38,6 +39,7 @@ from graspcast.simulation.campaign.campaign import run_campaign
 from graspcast.simulation.campaign.executors import LocalExecutor
 from graspcast.simulation.campaign.jobs import load_setups
 from graspcast.simulation.grasps.agreement import agreement
+from graspcast.simulation.grasps.evaluation import held_under_jitter
 from graspcast.simulation.grasps.observed_trials import ObservedTrials
 from graspcast.simulation.grasps.table import read_grasps
 from graspcast.simulation.grippers import GRIPPERS, load_gripper
@@ -144,8 +146,12 @@ def perfect(bop: Path) -> list[dict[str, Any]]:
         watched = TrialRunner(target, gripper, WATCHED).run(np.eye(4), grasp)
         robot = TrialRunner(target, gripper).run(np.eye(4), grasp)
         assert robot.success == label(watched, ROBOT.contact_force_n, ROBOT.short_m)
+        jittered = {
+            f"{who} of 20": held_under_jitter(TrialRunner(target, gripper, settings), grasp)
+            for who, settings in (("paper", TrialSettings.paper()), ("robot", ROBOT))
+        }
         rows.append(
-            {"object": grasp.object, "gripper": grasp.gripper, "paper": watched.reason}
+            {"object": grasp.object, "gripper": grasp.gripper, "paper": watched.reason, **jittered}
             | {"robot": robot.reason, "short_mm": 1e3 * robot.short_m, "hit": robot.hit}
             | {"force_n": watched.force_n}
         )
@@ -211,6 +217,54 @@ def rule(outcomes: pl.DataFrame) -> list[dict[str, Any]]:
     return sorted(rows, key=lambda row: -row["agreement"])
 
 
+def rendered(found: dict[str, Any]) -> str:
+    """Render what there is as Markdown tables."""
+    out = []
+    if "deep" in found:
+        head = ["object", "gripper", *(f"{depth} mm" for depth in DEPTHS_MM)]
+        rows = []
+        for row in found["deep"]:
+            pairs = [[row[f"{who} {d}"] for who in ("paper", "robot")] for d in DEPTHS_MM]
+            shares = [" / ".join(f"{x:.2f}" for x in pair) for pair in pairs]
+            rows.append([row["object"], row["gripper"], *shares])
+        count = len(found["deep"])
+        means = [
+            " / ".join(
+                f"{sum(row[f'{who} {d}'] for row in found['deep']) / count:.2f}"
+                for who in ("paper", "robot")
+            )
+            for d in DEPTHS_MM
+        ]
+        out.append(table(head, [*rows, ["mean", "", *means]], text_columns=2))
+    if "perfect" in found:
+        rows = [
+            [r["object"], r["gripper"], r["paper"], r["robot"], f"{r['force_n']:.0f} N"]
+            + [f"{r[f'{who} of 20']}/20" for who in ("paper", "robot")]
+            for r in found["perfect"]
+            if r["robot of 20"] < 20 or r["robot"] != "held"
+        ]
+        head = ["true pose not held", "gripper", "paper", "robot", "force"]
+        head += ["jittered, paper", "robot"]
+        out.append(table(head, rows, text_columns=4))
+    if "published" in found:
+        head = ["gripper", "n", "labels changed", "agreement, paper", "robot", "κ, paper", "robot"]
+        rows = []
+        for name in (*GRIPPERS, "both"):
+            part = found["published"][name]
+            figures = [part[who][k] for k in ("agreement", "kappa") for who in ("paper", "robot")]
+            rows.append([name, part["n"], part["changed"], *(f"{x:.3f}" for x in figures)])
+        out.append(table(head, rows))
+    if "rule" in found:
+        agreed = {(r["force_n"], r["short_mm"]): r["agreement"] for r in found["rule"]}
+        for name, unit, limits in (("force", "N", FORCES_N), ("short", "mm", SHORT_MM)):
+            # The other limit is out of reach; with both, the force decides nearly alone.
+            of = {x: agreed[(x, np.inf) if name == "force" else (np.inf, x)] for x in limits}
+            head = [f"fails with {name} above", *(f"{x} {unit}" for x in limits), "no rule"]
+            values = [f"{x:.3f}" for x in (*of.values(), agreed[np.inf, np.inf])]
+            out.append(table(head, [["agreement", *values]]))
+    return "\n\n".join(out)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, required=True, help="holds published/ and bop/")
@@ -240,6 +294,7 @@ def main() -> None:
     for name, rows, summary in zip(("published", "rule"), samples, (published, rule), strict=True):
         if name in options.only:
             keep(name, summary(tried(trials, data, rows)))
+    print(rendered(found))
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from graspcast.cli.console import print_table, print_text, progress_bar
+from graspcast.cli.console import note, print_table, print_text, progress_bar
 from graspcast.cli.options import (
     Verbs,
     add_bop,
@@ -82,4 +82,14 @@ def _grasps(options: argparse.Namespace) -> None:
     save_sheet(options.out, labels, [g.name for g in grippers], cells, size=options.size)
     rows = [(f"{name} by {gripper}", cell.note) for (name, gripper), cell in cells.items()]
     print_table("Reference grasps with a perfect estimate", ["", "outcome"], rows)
+    collided = [
+        f"{name} by {gripper}"
+        for (name, gripper), cell in cells.items()
+        if cell.outcome is not None and cell.outcome.reason == "collided"
+    ]
+    if collided:
+        note(
+            f"collides even with a perfect estimate: {', '.join(collided)}; trials of such a grasp "
+            "fail, unless --protocol paper lets the arm press on"
+        )
     print_text(str(options.out))

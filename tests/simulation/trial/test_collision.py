@@ -16,8 +16,7 @@ import pytest
 from graspcast.pose.transforms import transform
 from graspcast.simulation.grippers import FrankaHand
 from graspcast.simulation.objects.types import Grasp, GraspObject
-from graspcast.simulation.trial.collision import CollisionMonitor, force_on_hand
-from graspcast.simulation.trial.scene import OBJECT, TABLE
+from graspcast.simulation.trial.collision import CollisionMonitor, forces_on_hand
 from graspcast.simulation.trial.trial import TrialRunner, TrialSettings
 from solids import IDENTITY, box, cylinder
 from trials import GRIPPERS, moved, sample, setup, timeless
@@ -107,7 +106,8 @@ def test_an_object_that_is_pushed_along_is_no_collision_though_it_bounces() -> N
 
     def record(model: object, data: mujoco.MjData, phase: str) -> None:
         if phase == "approach" and data.time > 0:
-            pushes.append(float(np.linalg.norm(force_on_hand(runner.scene, OBJECT))))
+            force = forces_on_hand(runner.scene).get("object", np.zeros(3))
+            pushes.append(float(np.linalg.norm(force)))
 
     outcome = runner.run(IDENTITY, grasp, record=record)
     assert max(pushes) > 40.0, "single blows are above the limit"
@@ -146,8 +146,8 @@ def test_a_blow_that_does_not_last_does_not_stop_the_arm() -> None:
     for k, force in enumerate(forces):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(
-                "graspcast.simulation.trial.collision.force_on_hand",
-                lambda _, body, f=force: np.array([0.0, 0.0, f if body == OBJECT else 0.0]),
+                "graspcast.simulation.trial.collision.forces_on_hand",
+                lambda _, f=force: {"object": np.array([0.0, 0.0, f])},
             )
             stops.append(monitor.should_stop(0.01 * (k + 1)))
     # 50 ms from the first of seven samples at 10 ms: the sixth.
@@ -162,8 +162,9 @@ def test_forces_of_fingers_that_an_object_spreads_apart_cancel_and_weights_do_no
 
     def record(model: object, data: mujoco.MjData, phase: str) -> None:
         if phase == "lift":
-            net.append(force_on_hand(runner.scene, OBJECT))
-            assert not force_on_hand(runner.scene, TABLE).any()
+            forces = forces_on_hand(runner.scene)
+            assert set(forces) == {"object"}
+            net.append(forces["object"])
 
     runner.run(IDENTITY, grasp, record=record)
     np.testing.assert_allclose(np.median(net, axis=0), [0, 0, -0.5 * 9.81], atol=0.05)

@@ -17,12 +17,13 @@ from numpy import ndarray
 
 from graspcast.simulation.trial.scene import HAND, OBJECT, TABLE, Scene
 
-__all__ = ["SAMPLE_S", "Approach", "CollisionMonitor", "force_on_hand"]
+__all__ = ["SAMPLE_S", "Approach", "CollisionMonitor", "forces_on_hand"]
 
 SAMPLE_S = 0.01
 """Time between two samples of the force, seconds."""
 
-_BODIES: tuple[tuple[Literal["object", "table"], int], ...] = (("object", OBJECT), ("table", TABLE))
+Body = Literal["object", "table"]
+_WITH_HAND: dict[int, Body] = {HAND + OBJECT: "object", HAND + TABLE: "table"}
 
 
 class Approach(NamedTuple):
@@ -40,40 +41,37 @@ class Approach(NamedTuple):
 
     short_m: float = 0.0
     force_n: float = 0.0
-    hit: Literal["object", "table"] | None = None
+    hit: Body | None = None
 
 
 class _Sample(NamedTuple):
     time_s: float
     force_n: float
-    hit: Literal["object", "table"] | None
+    hit: Body | None
 
 
-def force_on_hand(scene: Scene, body: int) -> Float[ndarray, " 3"]:
-    """Return the net contact force of object or table on the hand in the current state.
-
-    Parameters
-    ----------
-    scene
-        The scene.
-    body
-        ``OBJECT`` or ``TABLE``.
+def forces_on_hand(scene: Scene) -> dict[Body, Float[ndarray, " 3"]]:
+    """Return the net contact forces on the hand in the current state, by what exerts them.
 
     Returns
     -------
-        Newtons, in the world's frame.
+        Newtons, in the world's frame; only of what touches the hand.
     """
-    net, force = np.zeros(3), np.zeros(6)
+    net: dict[Body, ndarray] = {}
     contact = scene.data.contact
     if not scene.data.ncon:
         return net
     kinds = scene.kind[contact.geom]
-    # The object and the hand have one kind each, so a pair is known by its sum.
-    for i in np.flatnonzero(kinds.sum(axis=1) == HAND + body).tolist():
+    force = np.zeros(6)
+    # Object, hand and table have one kind each, so a pair is known by its sum.
+    for i, pair in enumerate(kinds.sum(axis=1).tolist()):
+        if pair not in _WITH_HAND:
+            continue
         mujoco.mj_contactForce(scene.model, scene.data, i, force)
         # MuJoCo gives the force on the second geom, along the rows of the contact's frame.
         sign = 1.0 if kinds[i, 1] == HAND else -1.0
-        net += sign * (force[:3] @ contact.frame[i].reshape(3, 3))
+        body = _WITH_HAND[pair]
+        net[body] = net.get(body, 0.0) + sign * (force[:3] @ contact.frame[i].reshape(3, 3))
     return net
 
 
@@ -99,11 +97,11 @@ class CollisionMonitor:
         if the force has been above the limit for ``contact_s``.
         """
         scene, settings = self._scene, self._scene.settings
-        forces = {name: force_on_hand(scene, body) for name, body in _BODIES}
-        sizes = {name: float(np.linalg.norm(force)) for name, force in forces.items()}
-        net = float(np.linalg.norm(sum(forces.values())))
-        larger = max(sizes, key=lambda name: sizes[name])
-        self._window.append(_Sample(time_s, net, larger if net > 0.0 else None))
+        sample = _Sample(time_s, 0.0, None)
+        if forces := forces_on_hand(scene):
+            hit = max(forces, key=lambda body: float(np.linalg.norm(forces[body])))
+            sample = _Sample(time_s, float(np.linalg.norm(sum(forces.values()))), hit)
+        self._window.append(sample)
         since = time_s - settings.contact_s + 1e-9
         while len(self._window) > 1 and self._window[1].time_s <= since:
             self._window.popleft()
