@@ -58,9 +58,9 @@ def test_a_hand_driven_into_a_fixed_block_presses_with_the_arm_s_force_and_its_o
 @pytest.mark.parametrize("gripper", GRIPPERS)
 def test_a_hand_driven_into_the_table_says_so(gripper: str) -> None:
     runner, grasp = setup(gripper, box(0.04, 0.04, 0.02), 0.0)
-    # Beside the object, 40 mm below the table's surface.
-    error = moved(x=0.25, z=-0.05)
-    for early_stop in (True, False):
+    # Below the table's surface: beside the object, and where the hand cannot reach the object.
+    for x, early_stop in ((0.25, True), (0.25, False), (3.0, True), (3.0, False)):
+        error = moved(x=x, z=-0.05)
         outcome = runner.run(error, grasp, early_stop=early_stop)
         assert (outcome.success, outcome.reason, outcome.hit) == (False, "collided", "table")
         assert 0.03 < outcome.short_m < 0.11
