@@ -23,5 +23,8 @@ def test_options_choose_the_settings_of_trials() -> None:
     assert settings_of(parsed(), hand) == TrialSettings()
     assert settings_of(parsed("--protocol", "paper"), hand) == TrialSettings.paper()
     assert settings_of(parsed("--contact-force", "12.5"), hand).contact_force_n == 12.5
+    verb = argparse.ArgumentParser()
+    add_protocol(verb)
+    assert f"or {TrialSettings().contact_force_n:g})" in " ".join(verb.format_help().split())
     with pytest.raises(InputError, match="--protocol robot"):
         settings_of(parsed("--protocol", "paper", "--contact-force", "9"), hand)
