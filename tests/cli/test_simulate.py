@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from commands import refused
 from cubes import OBJECTS
 from graspcast.cli import main
 from graspcast.estimates.outcomes import read_error_outcomes, read_outcomes
-from graspcast.simulation.grasps.table import ReferenceGrasp, write_grasps
+from graspcast.simulation.grasps.table import ReferenceGrasp, grasps_in, write_grasps
 from graspcast.simulation.objects.types import Grasp
 from network_commands import inputs
 
@@ -73,6 +74,14 @@ def test_the_protocol_is_the_robot_s_unless_the_paper_s_is_asked_for(
     assert setup["settings"]["contact_force_n"] == 0.001
     touched = (robot["force_n"] > 0.001).sum()
     assert (gentle["reason"] == "collided").sum() >= touched
+    deep = str(world / "deep.toml")
+    (table,) = grasps_in(world / "grasps.toml")
+    pose = table.grasp.obj_T_grasp.copy()
+    pose[2, 3] -= 0.07
+    write_grasps(deep, [replace(table, grasp=replace(table.grasp, obj_T_grasp=pose))])
+    capsys.readouterr()
+    campaign("deep", "--grasps", deep)
+    assert "most trials collide: made-1 by parallel" in capsys.readouterr().err
     collided = gentle.filter(pl.col("reason") == "collided")
     assert not collided["success"].any()
     # Readers of outcomes take a collision for a failure.

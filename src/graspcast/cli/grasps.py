@@ -89,7 +89,7 @@ def _grasps(options: argparse.Namespace) -> None:
     ]
     if collided:
         note(
-            f"collides even with a perfect estimate: {', '.join(collided)}; trials of such a grasp "
-            "fail, unless --protocol paper lets the arm press on"
+            f"collides even with a perfect estimate: {', '.join(collided)}; choose a grasp that "
+            "leaves the hand more room, or --protocol paper, by which the arm presses on"
         )
     print_text(str(options.out))

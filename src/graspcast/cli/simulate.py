@@ -120,7 +120,11 @@ def _requests(
 
 
 def _simulate(options: argparse.Namespace) -> None:
-    from graspcast.simulation.campaign.campaign import reason_counts, run_campaign
+    from graspcast.simulation.campaign.campaign import (
+        mostly_collided,
+        reason_counts,
+        run_campaign,
+    )
     from graspcast.simulation.campaign.jobs import available_trials, load_setups
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_grippers
@@ -167,3 +171,8 @@ def _simulate(options: argparse.Namespace) -> None:
     rows = [(name, hand, f"{rate:.3f}", *map(str, n)) for name, hand, rate, *n in counts.rows()]
     print_table("Outcomes", counts.columns, rows)
     print_text(f"{options.out}: {len(outcomes)} trials")
+    if often := mostly_collided(counts):
+        note(
+            f"most trials collide: {', '.join(often)}; graspcast grasps shows whether the "
+            "reference grasp does so with a perfect estimate"
+        )

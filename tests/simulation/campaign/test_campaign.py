@@ -14,7 +14,7 @@ import polars as pl
 import pytest
 
 import graspcast.errors
-from graspcast.simulation.campaign.campaign import run_campaign
+from graspcast.simulation.campaign.campaign import mostly_collided, reason_counts, run_campaign
 from graspcast.simulation.campaign.executors import LocalExecutor
 from graspcast.simulation.campaign.jobs import TrialSetup
 from graspcast.simulation.campaign.requests import TrialRequests
@@ -88,6 +88,21 @@ def test_order_does_not_matter(
         json.loads((d / "manifest.json").read_text()) for d in (complete, tmp_path / "out")
     )
     assert first["hash"] == second["hash"]
+
+
+def test_pairs_of_which_most_trials_collide_are_named() -> None:
+    outcomes = pl.DataFrame(
+        {
+            "object": ["a", "a", "a", "b", "b"],
+            "gripper": "parallel",
+            "reason": ["collided", "held", "collided", "collided", "held"],
+            "success": [False, True, False, False, True],
+            "steps": 1,
+        }
+    )
+    assert mostly_collided(reason_counts(outcomes)) == ["a by parallel"]
+    held = outcomes.filter(pl.col("reason") == "held")
+    assert mostly_collided(reason_counts(held)) == []
 
 
 @pytest.mark.slow

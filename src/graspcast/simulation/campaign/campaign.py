@@ -24,7 +24,7 @@ from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.campaign.store import COLUMNS, Store
 from graspcast.simulation.trial.trial import Outcome
 
-__all__ = ["reason_counts", "run_campaign"]
+__all__ = ["mostly_collided", "reason_counts", "run_campaign"]
 
 _BATCH_SIZE = 16
 
@@ -104,6 +104,21 @@ def reason_counts(outcomes: pl.DataFrame) -> pl.DataFrame:
     rates = outcomes.group_by(keys).agg(pl.col("success").cast(pl.Float64).mean())
     reasons = pl.exclude(*keys, "success").fill_null(0)
     return rates.join(counts, on=keys).with_columns(reasons).sort(keys)
+
+
+def mostly_collided(counts: pl.DataFrame) -> list[str]:
+    """Return the pairs of which more than half of the trials collided, as "object by gripper".
+
+    Parameters
+    ----------
+    counts
+        From :func:`reason_counts`.
+    """
+    if "collided" not in counts.columns:
+        return []
+    total = pl.sum_horizontal(pl.exclude("object", "gripper", "success"))
+    often = counts.filter(pl.col("collided") > total / 2)
+    return [f"{name} by {gripper}" for name, gripper in often.select("object", "gripper").rows()]
 
 
 def _manifest(

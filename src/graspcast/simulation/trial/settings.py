@@ -62,9 +62,10 @@ class TrialSettings:
         Largest force with which the arm pushes the hand along its approach.
     contact_force_n
         On the approach the arm stops if the net force of contacts on the hand is above this,
-        newtons; None for no limit. The default is twice the 20 N at which libfranka's examples and
-        franka_ros let a Franka arm stop, and below the 150 N of a Universal Robots arm as
-        delivered; an object of 1 kg that is pushed aside resists with less than 10 N.
+        newtons; None for no limit. The default, a choice, is twice the 20 N at which libfranka's
+        examples and franka_ros let a Franka arm stop, and less than half of the 100 N to which the
+        manual of the UR5e limits that arm in recovery mode (with an accuracy of 25 N). An object of
+        1 kg that is pushed aside resists with less than 10 N.
     contact_s
         Time for which the force must last, seconds, so that the blow of the first touch, which
         fades within 20 ms, does not count.
