@@ -68,3 +68,51 @@ def write_jaws(folder: Path, **changes: Any) -> Path:
     (folder / "jaws.xml").write_text(MJCF.substitute(values))
     (folder / "jaws.toml").write_text(TOML.substitute(values))
     return folder / "jaws.toml"
+
+
+_LINK = Template("""
+  <link name="$name">
+    <inertial><mass value="0.1"/>
+      <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual><geometry><mesh filename="package://jaws/visual/$name.dae"/></geometry></visual>
+    $collision
+  </link>""")
+
+_BOX = '<collision><origin xyz="{}"/><geometry><box size="{}"/></geometry></collision>'
+
+_SLIDE = Template("""
+  <joint name="j$side" type="prismatic">
+    <parent link="palm"/><child link="$side"/><origin xyz="$x 0 0"/><axis xyz="$axis 0 0"/>
+    <limit lower="0" upper="0.05" effort="$effort" velocity="0.2"/><dynamics damping="40"/>$mimic
+  </joint>""")
+
+
+def write_urdf_jaws(folder: Path, **changes: Any) -> Path:
+    """Write the same jaws as URDF, the second of which mimics the first, and return the TOML."""
+    values: dict[str, Any] = {
+        **{"effort": 40, "palm": _BOX.format("0 0 -0.02", "0.12 0.06 0.04"), "more": ""},
+        **{"jaw": _BOX.format("0 0 0.03", "0.02 0.04 0.06"), "tcp": 'tcp_body = "tcp"'},
+        **{"actuators": "[actuators.drive]\njoint = 'jl'\nstiffness = 3000\narmature = 0.1\n"},
+        **{"commands": "open = { drive = 0.045 }\nclose = { drive = 0.0 }"},
+        **changes,
+    }
+    slide = {"effort": values["effort"]}
+    robot = [
+        '<robot name="jaws">',
+        _LINK.substitute(name="palm", collision=values["palm"]),
+        _LINK.substitute(name="l", collision=values["jaw"]),
+        _LINK.substitute(name="r", collision=values["jaw"]),
+        '<link name="tcp"/><joint name="to_tcp" type="fixed"><parent link="palm"/>',
+        '<child link="tcp"/><origin xyz="0 0 0.05"/></joint>',
+        _SLIDE.substitute(slide, side="l", x=-0.012, axis=-1, mimic=""),
+        _SLIDE.substitute(slide, side="r", x=0.012, axis=1, mimic='<mimic joint="jl"/>'),
+        values["more"],
+        "</robot>",
+    ]
+    folder.mkdir(exist_ok=True)
+    (folder / "jaws.urdf").write_text("\n".join(robot))
+    (folder / "jaws.toml").write_text(
+        f'name = "jaws"\nmodel = "jaws.urdf"\nmax_opening_m = 0.094\n{values["tcp"]}\n'
+        f"[closing]\nseconds = 0.8\n{values['commands']}\n{values['actuators']}"
+    )
+    return folder / "jaws.toml"

@@ -91,7 +91,7 @@ def check_gripper(gripper: Gripper) -> GripperReport:
         For example ``load_gripper("my_gripper.toml")``.
     """
     checks: list[Check] = []
-    bench: dict[str, Any] = {"grasper": gripper, "notes": []}
+    bench: dict[str, Any] = {"grasper": gripper, "notes": list(getattr(gripper, "notes", ()))}
     for name, check in _CHECKS:
         try:
             checks.append(Check(name, True, check(gripper, bench)))
