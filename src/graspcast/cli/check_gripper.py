@@ -58,6 +58,8 @@ def _check_gripper(options: argparse.Namespace) -> None:
     print_text(str(report))
     if report.measured is not None:
         print_table("In simulation", ["", "measured", "stated"], report.measured.rows(gripper))
+        if any(check.name in ("aligned", "centred") for check in report.failures):
+            print_text(f"Measured, for its TOML file:\n{report.measured.as_toml()}")
     if options.picture is not None:
         from graspcast.rendering.trials.gripper_picture import save_gripper_picture
 

@@ -26,6 +26,20 @@ def test_jaws_of_a_urdf_pass(tmp_path: Path) -> None:
     assert report.measured.grip_n == pytest.approx(20, rel=0.05)
 
 
+def test_the_example_in_the_docs(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "grippers.md").read_text(encoding="utf-8")
+    (example,) = (
+        block.split("```")[0] for block in page.split("```toml\n")[1:] if "jaws.urdf" in block
+    )
+    path = write_urdf_jaws(tmp_path)
+    urdf = (tmp_path / "jaws.urdf").read_text()
+    urdf = urdf.replace('"tcp"', '"grasp_frame"').replace('"jl"', '"left_finger_joint"')
+    (tmp_path / "jaws.urdf").write_text(urdf)
+    path.write_text(example.replace("damping = 60.0", "armature = 0.1\ndamping = 60.0"))
+    report = check_gripper(load_gripper(path))
+    assert report.passed, str(report)
+
+
 def test_the_force_is_the_effort_limit_unless_it_is_given(tmp_path: Path) -> None:
     path = write_urdf_jaws(tmp_path, effort=30)
     model = load_gripper(path).spec().compile()

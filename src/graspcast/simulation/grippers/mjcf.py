@@ -93,13 +93,14 @@ class MjcfGripper:
         path = Path(path)
         table = TomlTable(path, "the gripper", read_toml(path))
         try:
-            return cls._from_table(path, table)
+            return cls.from_table(path, table)
         except UnicodeDecodeError as error:  # MuJoCo gives names as they are in the file
             where = path.parent / str(table.values.get("model"))
             raise FormatError(where, "has a name that is not UTF-8") from error
 
     @classmethod
-    def _from_table(cls, path: Path, table: TomlTable) -> MjcfGripper:
+    def from_table(cls, path: Path, table: TomlTable) -> MjcfGripper:
+        """Read a gripper from a table of a TOML file, with the errors of :meth:`from_toml`."""
         model = path.parent / str(table.take("model", str))
         drives = read_drives(path, table.take("actuators", dict, {}))
         note = fixed_base(read_model(model), model)

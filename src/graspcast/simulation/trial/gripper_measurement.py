@@ -11,7 +11,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.io.conformance import UnmetError
-from graspcast.pose.transforms import transform
+from graspcast.pose.transforms import quaternion, transform
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.trial.gripper_bench import ParkedHand, standing_column
 from graspcast.simulation.trial.gripper_gap import Gap, gap_of
@@ -76,6 +76,13 @@ class GripperMeasurement:
     def with_grip(self, grip_n: float) -> GripperMeasurement:
         """Return the same with a grip force."""
         return replace(self, grip_n=grip_n)
+
+    def as_toml(self) -> str:
+        """Return the measured tool centre point as lines of a gripper's TOML file."""
+        position = ", ".join(f"{value + 0.0:.4f}" for value in self.base_T_tcp[:3, 3].round(4))
+        wxyz = quaternion(self.base_T_tcp[:3, :3]).round(6)
+        turned = ", ".join(f"{value + 0.0:.6f}" for value in wxyz)
+        return f"tcp_position_m = [{position}]\ntcp_quaternion = [{turned}]"
 
     def rows(self, gripper: Gripper) -> list[tuple[str, str, str]]:
         """Return rows of a table: quantity, measured, and what the gripper states."""
