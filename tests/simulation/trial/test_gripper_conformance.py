@@ -202,3 +202,23 @@ def test_remarks_of_mujoco_on_the_hand_are_notes(tmp_path: Path) -> None:
     report = check_gripper(load_gripper(write_jaws(tmp_path, more='<option timestep="0.0005"/>')))
     assert report.passed
     assert any("timestep: parent has 0.002 (default), child has 0.0005" in n for n in report.notes)
+
+
+def test_after_a_hand_that_does_not_close_nothing_more_is_tried(tmp_path: Path) -> None:
+    outwards = {"open": "{ l = 0.0, r = 0.0 }", "close": "{ l = 0.045, r = 0.045 }"}
+    report = check_gripper(load_gripper(write_jaws(tmp_path, **outwards)))
+    assert report.checks[-1].name == "closes"
+    assert "closes outwards" in report.checks[-1].detail
+    assert report.measured is None
+
+
+def test_a_hand_that_is_unstable_as_it_closes(tmp_path: Path) -> None:
+    path = write_jaws(tmp_path, open="{ l = 0.0, r = 0.045 }", close="{ l = -1.0, r = 0.0 }")
+    servo = '<position name="l" joint="jl" kp="3000" forcerange="-40 40" ctrlrange="0 0.05"/>'
+    mjcf = (tmp_path / "jaws.xml").read_text()
+    assert servo in mjcf
+    mjcf = mjcf.replace(servo, '<motor name="l" joint="jl" gear="1e9"/>')
+    (tmp_path / "jaws.xml").write_text(mjcf.replace(' range="-0.001 0.05"', ""))
+    report = check_gripper(load_gripper(path))
+    assert report.checks[-1].name == "closes"
+    assert "the closing hand is unstable" in report.checks[-1].detail

@@ -17,6 +17,8 @@ from graspcast.simulation.trial.scene import Scene
 __all__ = ["Gap", "gap_of"]
 
 _PITCH_M, _WITHIN_M = 0.002, 0.001
+_MOST_LINES = 80
+"""Most rows, and most columns, of rays; the pitch of a larger hand is coarser."""
 _MOST = 0.8
 _WIDTHS = (0.15, 0.3, 0.5, 0.7, 0.85)
 
@@ -256,5 +258,5 @@ def _plane(axis: ndarray) -> tuple[ndarray, ndarray]:
 
 def _line(low: float, high: float) -> Float[ndarray, " n"]:
     """Return the middles of equal parts of a range."""
-    count = max(1, round((high - low) / _PITCH_M))
+    count = min(_MOST_LINES, max(1, round((high - low) / _PITCH_M)))
     return low + (np.arange(count) + 0.5) * (high - low) / count
