@@ -99,7 +99,7 @@ def check_gripper(gripper: Gripper) -> GripperReport:
             checks.append(Check(name, True, check(gripper, bench)))
         except (UnmetError, GraspcastError) as problem:
             checks.append(Check(name, False, str(problem)))
-            if name in _NEEDED or (name == "closes" and bench.get("measured") is None):
+            if name in _NEEDED or bench.get("hopeless"):
                 break
     measured = bench.get("measured")
     if measured is not None:
@@ -186,6 +186,7 @@ def _opens(gripper: Gripper, bench: dict[str, Any]) -> str:
 def _closes(gripper: Gripper, bench: dict[str, Any]) -> str:
     hand, closing = bench["hand"], gripper.closing
     postures = hand.close(closing, gripper.equilibrium.limit_s)
+    bench["hopeless"] = True  # of a hand that is unstable or closes outwards the rest says nothing
     if hand.scene.diverged():
         raise UnmetError(
             "the simulation of the closing hand is unstable: use more damping and armature, or a "
@@ -194,11 +195,13 @@ def _closes(gripper: Gripper, bench: dict[str, Any]) -> str:
     moved = float(np.abs(hand.scene.posture() - bench["open"]).max())
     speed = hand.scene.hand_speed()
     if moved < 0.1 * gripper.max_opening_m:
+        bench["hopeless"] = False
         raise UnmetError(
             f"no joint moved by more than {1e3 * moved:.1f} mm on its way from open to closed; "
             "are open and close different, and the servo strong enough?"
         )
     bench["measured"] = measure_closing(gripper, hand.scene, postures)
+    bench["hopeless"] = False
     if speed > 1e-3:
         raise UnmetError(
             f"closed without an object, it still moves at {1e3 * speed:.1f} mm/s "
