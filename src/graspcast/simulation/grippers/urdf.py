@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,8 @@ from graspcast.simulation.mujoco_messages import one_line, quiet_mujoco
 __all__ = ["read_urdf"]
 
 _MESHES = (".stl", ".obj", ".msh")
+_PREFIX = re.compile(r"<(/?)([A-Za-z_][\w.-]*):")
+"""Prefix of an element of another program, often of a namespace that is not declared."""
 _UP = 5
 """How many folders above the URDF a package is searched in."""
 
@@ -34,12 +37,12 @@ def read_urdf(path: Path) -> Any:
     import mujoco
 
     text = read_text(path, MAX_TEXT_BYTES)
-    if "xmlns:xacro" in text or "<xacro:" in text:
+    if "<xacro:" in text:  # the declaration of the namespace is left in what xacro writes
         raise FormatError(
             path, "is a xacro file; expand it first: xacro hand.urdf.xacro > hand.urdf"
         )
     try:
-        robot = ElementTree.fromstring(text)
+        robot = ElementTree.fromstring(_PREFIX.sub(r"<\1\2_", text))
     except (ElementTree.ParseError, ValueError) as error:
         raise FormatError(path, f"is not XML ({error})") from error
     if robot.tag != "robot":
