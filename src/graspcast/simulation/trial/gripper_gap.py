@@ -20,6 +20,7 @@ _PITCH_M, _WITHIN_M = 0.002, 0.001
 _MOST_LINES = 80
 """Most rows, and most columns, of rays; the pitch of a larger hand is coarser."""
 _MOST = 0.8
+_LONG, _NEARLY = 3.0, 0.7
 _WIDTHS = (0.15, 0.3, 0.5, 0.7, 0.85)
 
 
@@ -178,11 +179,7 @@ class _Across(_Rays):
         """Return the width of the gap in each posture and row; NaN where a side has no surface."""
         axis = self.motion.axis
         self.pose(postures[len(postures) // 2])
-        sides = [self.corners(np.array(s)) for s in (self.motion.first, self.motion.second)]
-        out = np.mean([side.mean(axis=0) for side in sides], axis=0) - self.motion.still
-        out = out - (out @ axis) * axis
-        length = float(np.linalg.norm(out))
-        self.approach = out / length if length > 1e-6 else np.cross(axis, np.eye(3)[0])
+        self.approach = self._approach(axis)
         self.aside = np.cross(self.approach, axis)
         few = [postures[0], postures[len(postures) // 2], postures[-1]]
         self.heights = _line(*self.extent(few, self.approach))
@@ -202,6 +199,21 @@ class _Across(_Rays):
         self.high = np.nan_to_num(np.array(highs), nan=np.inf)
         width = self.high.min(axis=2) - self.low.max(axis=2)
         return np.where(np.isfinite(width), width, np.nan)
+
+    def _approach(self, axis: Float[ndarray, " 3"]) -> Float[ndarray, " 3"]:
+        """Return the direction out of the hand: that of long fingers, else from its still parts."""
+        sides = [self.corners(np.array(s)) for s in (self.motion.first, self.motion.second)]
+        out = np.mean([side.mean(axis=0) for side in sides], axis=0) - self.motion.still
+        out = out - (out @ axis) * axis
+        distance = float(np.linalg.norm(out))
+        if distance < 1e-6:
+            return _plane(axis)[0]
+        out = out / distance
+        across = np.concatenate([side - side.mean(axis=0) for side in sides])
+        across = across - np.outer(across @ axis, axis)
+        spread, directions = np.linalg.eigh(across.T @ across)
+        along = directions[:, 2] if directions[:, 2] @ out > 0 else -directions[:, 2]
+        return along if spread[2] > _LONG * spread[1] and along @ out > _NEARLY else out
 
     def middle(self, k: int, rows: Bool[ndarray, " r"]) -> Float[ndarray, " 3"]:
         """Return the middle between the innermost surfaces of the two sides."""
