@@ -52,17 +52,17 @@ def load_gripper(name_or_path: str | PathLike[str]) -> Gripper:
             )
         return custom
     name = _OTHER_NAMES.get(str(name_or_path), str(name_or_path))
+    if name in GRIPPERS:
+        return GRIPPERS[name]()
     if name in menagerie_names():
         return load_menagerie_gripper(name)
-    if name not in GRIPPERS:
-        raise UnknownNameError(
-            "gripper",
-            name_or_path,
-            [*GRIPPERS, *_OTHER_NAMES, *menagerie_names()],
-            hint="A custom gripper is given by its .toml file.",
-            parameters=("gripper",),
-        )
-    return GRIPPERS[name]()
+    raise UnknownNameError(
+        "gripper",
+        name_or_path,
+        [*GRIPPERS, *_OTHER_NAMES, *menagerie_names()],
+        hint="A custom gripper is given by its .toml file.",
+        parameters=("gripper",),
+    )
 
 
 def load_grippers(names_or_paths: Iterable[str | PathLike[str]]) -> dict[str, Gripper]:
