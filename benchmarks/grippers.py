@@ -7,8 +7,8 @@ Without names, the built-in hands and those of MuJoCo Menagerie that are at hand
 of an installation of robosuite; ``benchmarks/robosuite_grippers.toml`` says how its hands are used.
 
 Every object weighs 0.3 kg, has a friction of 0.8, and is grasped from above without error: square
-columns half a width below their top, a ball at its centre and a can of 66 mm at half its height, or
-higher where the fingertips would otherwise meet the table.
+columns half a width below their top, a ball of 60 mm and a can of 66 mm 30 mm below it, or higher
+where the fingertips would otherwise meet the table.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from graspcast.simulation.trial.trial import TrialRunner
 
 HERE = Path(__file__).parent
 WIDTHS = (20, 40, 60, 80, 100)
-MASS, FRICTION = 0.3, 0.8
+MASS, FRICTION, DEPTH_M = 0.3, 0.8, 0.03
 
 
 def round_object(name: str, radius: float, half_height: float | None = None) -> GraspObject:
@@ -69,7 +69,8 @@ def trial(gripper: Gripper, target: GraspObject, tip_m: float) -> str:
         grasp = grasp_of_column(gripper, float(np.ptp(target.vertices[:, 0])))
     else:
         obj_T_grasp = np.diag([1.0, -1.0, -1.0, 1.0])
-        obj_T_grasp[2, 3] = max(0.0, tip_m + 0.003 - target.sim_T_ref[2, 3])
+        top = target.sim_T_ref[2, 3]  # and as far below the origin is the table
+        obj_T_grasp[2, 3] = max(0.0, top - DEPTH_M, tip_m + 0.003 - top)
         grasp = Grasp(obj_T_grasp, target.name, gripper.name)
     return TrialRunner(target, gripper).run(np.eye(4), grasp).reason
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.simulation.grippers.protocol import Closing, Gripper
@@ -14,7 +15,8 @@ from graspcast.simulation.trial.scene import Scene
 
 __all__ = ["ParkedHand", "grasp_of_column", "standing_column"]
 
-_SNAPSHOTS = 24
+_SNAPSHOTS, _READINGS = 24, 10
+_REST_S = 0.5
 
 
 def grasp_of_column(gripper: Gripper, width_m: float, raised_m: float = 0.0) -> Grasp:
@@ -69,17 +71,22 @@ def standing_column(
 
 
 class ParkedHand:
-    """Hand of a scene, high above object and table.
+    """Hand of a scene at rest, high above object and table, or at a pose of its base.
 
     Parameters
     ----------
     scene
         The scene.
+    sim_T_base
+        The pose; by default high above.
     """
 
-    def __init__(self, scene: Scene):
+    def __init__(self, scene: Scene, sim_T_base: Float[ndarray, "4 4"] | None = None):
         self.scene = scene
-        scene.park()
+        if sim_T_base is None:
+            scene.park()
+        else:
+            scene.place(sim_T_base, 0.0)
 
     def command(self, controls: Mapping[str, float], seconds: float) -> None:
         """Set the actuators' controls, and simulate some time."""
@@ -106,3 +113,14 @@ class ParkedHand:
             spot = step
         self.command(closing.close, rest_s)
         return [*postures, self.scene.data.qpos.copy()]
+
+    def grip_n(self, closing: Closing) -> float:
+        """Close the open hand, and return the force on each side of what is in it, newtons."""
+        self.command(closing.open, 0.1)
+        self.ramp(closing.open, closing.close, closing.seconds)
+        self.command(closing.close, _REST_S)
+        forces = []
+        for _ in range(_READINGS):
+            self.command(closing.close, 0.02)
+            forces.append(self.scene.grip_n())
+        return float(np.mean(forces))

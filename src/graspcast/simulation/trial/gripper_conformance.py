@@ -54,8 +54,6 @@ _DEEPEST_M = 0.003
 _GRAVITY = 9.81
 _WEAK = 1.5
 """Below how many times the force that holds an object at rest a grip is weak, if it drops it."""
-_LIFTING = 50
-"""Records of the lift, 20 ms each, in which the grip force is looked at."""
 _DEEP = 2.5
 """Depth of the test column in its widths; the hand opens to two of them."""
 
@@ -264,17 +262,15 @@ def _holds(gripper: Gripper, bench: dict[str, Any]) -> str:
     column = _column(bench)
     runner = bench["runner"] = TrialRunner(column, grasper)
     depths: list[float] = [0.0]
-    forces: dict[str, list[float]] = {"approach": [], "close": [0.0], "lift": []}
 
     def watch(model: Any, data: Any, phase: str) -> None:
         depths.append(runner.scene.hand_overlap_m())
-        forces[phase].append(runner.scene.grip_n())
 
     grasp = grasp_of_column(grasper, width)
     outcome = runner.run(np.eye(4), grasp, early_stop=False, record=watch)
-    # The command may go on in the lift, so that a weak hand presses its most only there.
-    lifting = [force for force in forces["lift"][:_LIFTING] if force > 0]
-    pressed = max(forces["close"][-1], float(np.median(lifting)) if lifting else 0.0)
+    # While the column still stands on the table: a weak hand would lose it in the lift.
+    hand = ParkedHand(runner.scene, runner.sim_T_base(np.eye(4), grasp))
+    pressed = hand.grip_n(gripper.closing)
     bench["held"], bench["depth"], bench["pressed"] = outcome, max(depths), pressed
     needed = column.mass_kg * _GRAVITY / (2 * column.friction)
     press = f"the fingers press with {pressed:.1f} N a side"
