@@ -119,6 +119,10 @@ def _gripper(path: Path) -> Any:
     return MjcfGripper.from_toml(path.parent / "gripper.toml").spec()
 
 
+def _urdf(path: Path) -> Any:
+    return MjcfGripper.from_toml(path.parent / "jaws.toml").spec()
+
+
 def _camera(path: Path) -> Any:
     dataset = BopDataset(path.parent)
     return dataset.camera, dataset.image_size
@@ -245,6 +249,8 @@ READERS = (
     Reader("grasps.toml", grasps_in, _TEXT),
     Reader("gripper.toml", _gripper, _TEXT, 0.5),
     Reader("gripper.xml", _gripper, _TEXT, 0.5),
+    Reader("jaws.urdf", _urdf, _TEXT, 0.5),
+    Reader("jaws.toml", _urdf, _TEXT, 0.5),
     Reader("model.ply", read_coloured_mesh, _TEXT, 0.5),
     Reader("model_binary.ply", read_coloured_mesh, _TEXT, 0.5),
     Reader("own.ply", partial(read_mesh, unit="auto"), _TEXT, 0.5),
@@ -437,9 +443,12 @@ def _campaign(folder: Path) -> None:
 
 
 def _simulation(folder: Path) -> None:
+    from jaws import write_urdf_jaws
+
     text = (TESTS / "data" / "three_jaw.toml").read_text()
     (folder / "gripper.toml").write_text(text.replace("three_jaw.xml", "gripper.xml"))
     shutil.copy(TESTS / "data" / "three_jaw.xml", folder / "gripper.xml")
+    write_urdf_jaws(folder)
     package = ROOT / "src" / "graspcast" / "simulation"
     catalogue = (package / "objects" / "objects.toml").read_text().split("\n\n")
     (folder / "catalogue.toml").write_text("\n\n".join(catalogue[1:3]) + "\n")

@@ -24,7 +24,7 @@ from graspcast.pose.transforms import exp
 from graspcast.simulation.grippers import GRIPPERS, load_gripper
 from graspcast.simulation.objects.types import ConvexPiece, Grasp, GraspObject
 from graspcast.simulation.trial import trial
-from graspcast.simulation.trial.gripper_conformance import standing_column
+from graspcast.simulation.trial.gripper_bench import standing_column
 
 
 class Stopwatch:

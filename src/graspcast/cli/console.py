@@ -61,11 +61,18 @@ def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]
         table.add_column(name, justify="left" if i == 0 else "right")
     for row in rows:
         table.add_row(*row)
+
+    class OrBroken(Console):
+        """A console that leaves a pipe that nobody reads to the caller."""
+
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError
+
     # No markup: cells may hold brackets, of intervals for example.
-    console = Console(markup=False)
+    console = OrBroken(markup=False)
     if not console.is_terminal:
         # Files and pipes have no width: no line is folded or cut off.
-        console = Console(width=1000, markup=False)
+        console = OrBroken(width=1000, markup=False)
     console.print(title, table, sep="\n")
 
 

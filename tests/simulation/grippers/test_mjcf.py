@@ -18,6 +18,7 @@ from graspcast.simulation.grippers import (
 )
 from graspcast.simulation.grippers.protocol import gripper_digest
 from graspcast.simulation.trial.settings import TrialSettings
+from jaws import write_jaws
 
 THREE_JAW = Path(__file__).parents[2] / "data" / "three_jaw.toml"
 
@@ -109,12 +110,6 @@ MJCF = (THREE_JAW.parent / "three_jaw.xml").read_text()
             "one",
         ),
         (("", ""), ("<light", "<freejoint/><light"), FormatError, "not MJCF"),
-        (
-            ("", ""),
-            ('<site name="grasp"', '<freejoint/><site name="grasp"'),
-            FormatError,
-            r"'chuck' \(with a joint\)",
-        ),
         (("", ""), ('joint="b" kp', 'joint="z" kp'), FormatError, "does not compile"),
     ],
 )
@@ -132,6 +127,14 @@ def test_a_wrong_description_is_explained(
     (tmp_path / "three_jaw.xml").write_text(MJCF.replace(old, new, 1))
     with pytest.raises(error, match=message):
         load_gripper(tmp_path / "three_jaw.toml")
+
+
+def test_a_hand_without_collision_geometry_is_refused(tmp_path: Path) -> None:
+    path = write_jaws(tmp_path)
+    mjcf = (tmp_path / "jaws.xml").read_text()
+    (tmp_path / "jaws.xml").write_text(mjcf.replace("<geom ", '<geom contype="0" conaffinity="0" '))
+    with pytest.raises(FormatError, match=r"jaws.xml.*no geom of the hand collides \(3 are there"):
+        load_gripper(path)
 
 
 def test_two_grippers_of_one_name_are_refused(tmp_path: Path) -> None:

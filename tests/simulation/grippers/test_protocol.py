@@ -4,11 +4,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import trimesh
 
 from graspcast.errors import InputError
 from graspcast.simulation.grippers import GRIPPERS, FrankaHand, TendonHand, load_gripper
 from graspcast.simulation.grippers.protocol import Closing, Equilibrium, Gripper, gripper_digest
+from jaws import write_urdf_jaws
 
+MESH = (
+    '<collision><geometry><mesh filename="palm.stl" scale="0.001 0.001 0.001"/></geometry>'
+    "</collision>"
+)
 THREE_JAW = Path(__file__).parents[2] / "data" / "three_jaw.toml"
 
 
@@ -50,3 +56,12 @@ def test_a_closing_that_takes_no_time_or_for_ever(seconds: float) -> None:
 def test_an_equilibrium_that_makes_no_sense(values: dict[str, float], message: str) -> None:
     with pytest.raises(InputError, match=message):
         Equilibrium(**values)
+
+
+def test_digests_follow_mesh_files_wherever_they_lie(tmp_path: Path) -> None:
+    digests = []
+    for name, size in (("a", 120), ("b", 120), ("c", 121)):
+        path = write_urdf_jaws(tmp_path / name, palm=MESH)
+        trimesh.creation.box((size, 60, 40)).export(tmp_path / name / "palm.stl")
+        digests.append(gripper_digest(load_gripper(path)))
+    assert digests[0] == digests[1] != digests[2]

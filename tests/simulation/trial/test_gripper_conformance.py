@@ -14,6 +14,7 @@ from graspcast.pose.transforms import rotation_from_vector, transform
 from graspcast.simulation.grippers import GRIPPERS, FrankaHand, load_gripper
 from graspcast.simulation.grippers.protocol import Closing
 from graspcast.simulation.trial.gripper_conformance import check_gripper
+from jaws import Y, write_jaws
 
 THREE_JAW = Path(__file__).parents[2] / "data" / "three_jaw.toml"
 
@@ -22,7 +23,7 @@ THREE_JAW = Path(__file__).parents[2] / "data" / "three_jaw.toml"
 def test_the_built_in_hands_and_a_foreign_one_pass(name: str | Path) -> None:
     report = check_gripper(load_gripper(name))
     assert report.passed, str(report)
-    assert len(report.checks) == 13
+    assert len(report.checks) == 15
     assert report.failures == ()
 
 
@@ -83,6 +84,8 @@ def undamped(spec: Any) -> None:
 def weak(spec: Any) -> None:
     """Too weak to open."""
     spec.actuators[0].forcerange = (-0.3, 0.3)
+    for joint in spec.joints:
+        joint.damping = (5, 0, 0)
 
 
 def unnamed(spec: Any) -> None:
@@ -109,8 +112,9 @@ _ONE_SPEC = FrankaHand().spec()
 
 _TCP = FrankaHand().base_T_tcp
 _QUARTER, _OBLIQUE = (_TCP @ _turned((0, 0, angle)) for angle in (np.pi / 2, np.pi / 4))
+_OFF = _TCP @ transform(np.eye(3), np.array([0.01, 0, 0]))
 _SIDEWAYS = _TCP @ _turned((0, np.pi / 2, 0))
-_BACKWARDS = transform(np.diag([1.0, -1.0, -1.0]), np.array([0, 0, 0.1034]))
+_BACKWARDS = _TCP @ np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 @pytest.mark.parametrize(
@@ -130,8 +134,17 @@ _BACKWARDS = transform(np.diag([1.0, -1.0, -1.0]), np.array([0, 0, 0.1034]))
         ("aligned", {"base_T_tcp": _QUARTER}, "along y of the TCP, not along x"),
         ("aligned", {"base_T_tcp": _OBLIQUE}, "at 45° to x of the TCP"),
         ("aligned", {"base_T_tcp": _SIDEWAYS}, "along z of the TCP"),
-        ("holds", {"base_T_tcp": _BACKWARDS}, "Is the TCP between"),
-        ("holds", {"spec": model(weak)}, "N, on the way to a column of 40 mm: does it open"),
+        ("aligned", {"base_T_tcp": _BACKWARDS}, "z of the TCP is 180° off"),
+        (
+            "centred",
+            {"base_T_tcp": _OFF},
+            "the gap between the fingers is 10.0 mm off",
+        ),
+        (
+            "holds",
+            {"spec": model(weak)},
+            "weak grip: the fingers press with 0.3 N a side, and 1.8 N are needed",
+        ),
         ("solid", {"spec": model(crushing)}, "limit its actuators"),
         ("drops", {"spec": model(unlimited)}, "force limit"),
         ("repeats", {"spec": model(drifting)}, "depend on anything"),
@@ -162,8 +175,53 @@ def test_options_of_the_hand_are_said_not_to_count(recwarn: pytest.WarningsRecor
     assert not recwarn.list
 
 
-def test_the_force_of_the_fingers_is_told() -> None:
-    (holds,) = (c for c in check_gripper(FrankaHand()).checks if c.name == "holds")
-    force = float(holds.detail.split("press with ")[1].split(" N")[0])
-    # The drive saturates at the grip force of each finger, and 2 x 30 N is the hand's least.
-    assert 30 < force < 70
+def test_the_force_of_the_fingers_is_that_of_the_drive() -> None:
+    report = check_gripper(FrankaHand())
+    assert report.measured is not None
+    assert report.measured.grip_n == pytest.approx(60, rel=0.02)
+    (holds,) = (c for c in report.checks if c.name == "holds")
+    assert f"the fingers press with {report.measured.grip_n:.1f} N a side" in holds.detail
+
+
+def test_a_servo_that_does_not_saturate_presses_as_its_stiffness_says(tmp_path: Path) -> None:
+    report = check_gripper(load_gripper(write_jaws(tmp_path, kp=60, damping=6)))
+    (holds,) = report.failures
+    assert holds.name == "holds"
+    assert "weak grip: the fingers press with 1.3 N a side, and 1.8 N are needed" in holds.detail
+    assert report.measured is not None
+    # On half of the opening, 47 mm, each joint is 21.5 mm from its command.
+    assert report.measured.grip_n == pytest.approx(60 * 0.0215, rel=0.02)
+
+
+def test_what_does_not_depend_on_the_tcp_is_checked_with_the_measured_one(tmp_path: Path) -> None:
+    report = check_gripper(load_gripper(write_jaws(tmp_path, quat=Y, x=0.02)))
+    assert [c.name for c in report.failures] == ["aligned", "centred"], str(report)
+    assert "the gap's centre is at" in report.failures[1].detail
+    (holds,) = (c for c in report.checks if c.name == "holds")
+    assert "40.0 N a side, with the measured TCP" in holds.detail
+
+
+def test_remarks_of_mujoco_on_the_hand_are_notes(tmp_path: Path) -> None:
+    report = check_gripper(load_gripper(write_jaws(tmp_path, more='<option timestep="0.0005"/>')))
+    assert report.passed
+    assert any("timestep: parent has 0.002 (default), child has 0.0005" in n for n in report.notes)
+
+
+def test_after_a_hand_that_does_not_close_nothing_more_is_tried(tmp_path: Path) -> None:
+    outwards = {"open": "{ l = 0.0, r = 0.0 }", "close": "{ l = 0.045, r = 0.045 }"}
+    report = check_gripper(load_gripper(write_jaws(tmp_path, **outwards)))
+    assert report.checks[-1].name == "closes"
+    assert "closes outwards" in report.checks[-1].detail
+    assert report.measured is None
+
+
+def test_a_hand_that_is_unstable_as_it_closes(tmp_path: Path) -> None:
+    path = write_jaws(tmp_path, open="{ l = 0.0, r = 0.045 }", close="{ l = -1.0, r = 0.0 }")
+    servo = '<position name="l" joint="jl" kp="3000" forcerange="-40 40" ctrlrange="0 0.05"/>'
+    mjcf = (tmp_path / "jaws.xml").read_text()
+    assert servo in mjcf
+    mjcf = mjcf.replace(servo, '<motor name="l" joint="jl" gear="1e9"/>')
+    (tmp_path / "jaws.xml").write_text(mjcf.replace(' range="-0.001 0.05"', ""))
+    report = check_gripper(load_gripper(path))
+    assert report.checks[-1].name == "closes"
+    assert "the closing hand is unstable" in report.checks[-1].detail

@@ -29,6 +29,22 @@ class View:
     azimuth_deg: float
     elevation_deg: float
 
+    def axes(self) -> Float[ndarray, "3 3"]:
+        """Return the directions to the right, up and forward, as rows."""
+        a, e = np.radians([self.azimuth_deg, self.elevation_deg])
+        forward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+        right = np.array([np.sin(a), -np.cos(a), 0.0])
+        return np.stack([right, np.cross(right, forward), forward])
+
+    def pixels(
+        self, points: Float[ndarray, "n 3"], width: int, height: int
+    ) -> Float[ndarray, "n 2"]:
+        """Return where points of the world lie in a picture, pixels from its upper left corner."""
+        seen = (points - self.lookat) @ self.axes().T + [0.0, 0.0, self.distance]
+        focal = 0.5 * height / np.tan(np.radians(FOVY_DEG) / 2)
+        offset: ndarray = focal * seen[:, :2] / seen[:, 2:] * [1.0, -1.0]
+        return offset + [0.5 * width, 0.5 * height]
+
 
 class SceneRenderer:
     """Renderer of the states of trials of one object with one gripper.
@@ -128,6 +144,11 @@ class SceneRenderer:
         ]
         return self._frame(np.concatenate(points), azimuth, elevation)
 
+    def hand_from(self, state: State, azimuth_deg: float, also: Float[ndarray, "n 3"]) -> View:
+        """Return a level view of the hand and some points, without the object."""
+        points = np.concatenate([self._seen.hand_corners(state), also])
+        return self._frame(points, azimuth_deg, 0.0)
+
     def close(self) -> None:
         """Free the resources of the graphics card; may be called twice."""
         if self._drawer is not None:
@@ -142,10 +163,7 @@ class SceneRenderer:
 
     def _frame(self, points: Float[ndarray, "n 3"], azimuth: float, elevation: float) -> View:
         """Return the nearest view from a direction that contains all points."""
-        a, e = np.radians([azimuth, elevation])
-        forward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-        right = np.array([np.sin(a), -np.cos(a), 0.0])
-        axes = np.stack([right, np.cross(right, forward), forward])
+        axes = View(np.zeros(3), 0.0, azimuth, elevation).axes()
         seen = points @ axes.T
         middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
         off = seen - middle

@@ -1,4 +1,4 @@
-"""Grippers: the built-in ones, and custom ones from an MJCF model."""
+"""Grippers: built-in ones, those of MuJoCo Menagerie, and custom ones from MJCF or URDF."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.io.arguments import PATH, checked
 from graspcast.simulation.grippers.franka import FrankaHand
+from graspcast.simulation.grippers.menagerie import load_menagerie_gripper, menagerie_names
 from graspcast.simulation.grippers.mjcf import MjcfGripper
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.grippers.tendon_hand import TendonHand
@@ -23,25 +24,27 @@ _OTHER_NAMES = {"franka": "parallel", "tendon_hand": "underactuated"}
 
 @checked(name_or_path=PATH)
 def load_gripper(name_or_path: str | PathLike[str]) -> Gripper:
-    """Load a built-in gripper by name, or a custom one from its TOML file.
+    """Load a gripper by name, or a custom one from its TOML file.
 
     Parameters
     ----------
     name_or_path
-        ``"parallel"`` (or ``"franka"``), ``"underactuated"`` (or ``"tendon_hand"``), or a path
-        that ends in ``.toml``.
+        ``"parallel"`` (or ``"franka"``), ``"underactuated"`` (or ``"tendon_hand"``), a hand of
+        MuJoCo Menagerie such as ``"robotiq_2f85"``, or a path that ends in ``.toml``.
 
     Raises
     ------
     UnknownNameError
-        If there is no such built-in gripper.
+        If there is no gripper of that name.
+    InputError
+        If the model of a hand of MuJoCo Menagerie is not at hand.
     FormatError
-        If the TOML or MJCF file does not describe a gripper, or has the name of a built-in one.
+        If the TOML or model file does not describe a gripper, or has a name that is taken.
     """
     path = Path(name_or_path)
     if path.suffix == ".toml":
         custom = MjcfGripper.from_toml(path)
-        if custom.name in (*GRIPPERS, *_OTHER_NAMES):
+        if custom.name in (*GRIPPERS, *_OTHER_NAMES, *menagerie_names()):
             raise FormatError(
                 path,
                 f"name is {custom.name!r}, which is that of a built-in gripper; its outcomes and "
@@ -49,15 +52,17 @@ def load_gripper(name_or_path: str | PathLike[str]) -> Gripper:
             )
         return custom
     name = _OTHER_NAMES.get(str(name_or_path), str(name_or_path))
-    if name not in GRIPPERS:
-        raise UnknownNameError(
-            "gripper",
-            name_or_path,
-            [*GRIPPERS, *_OTHER_NAMES],
-            hint="A custom gripper is given by its .toml file.",
-            parameters=("gripper",),
-        )
-    return GRIPPERS[name]()
+    if name in GRIPPERS:
+        return GRIPPERS[name]()
+    if name in menagerie_names():
+        return load_menagerie_gripper(name)
+    raise UnknownNameError(
+        "gripper",
+        name_or_path,
+        [*GRIPPERS, *_OTHER_NAMES, *menagerie_names()],
+        hint="A custom gripper is given by its .toml file.",
+        parameters=("gripper",),
+    )
 
 
 def load_grippers(names_or_paths: Iterable[str | PathLike[str]]) -> dict[str, Gripper]:

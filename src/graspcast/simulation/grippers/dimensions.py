@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from graspcast.pose.lengths import Reference, shown, unit_problem
+from graspcast.pose.lengths import Reference, between, shown, unit_problem
 
 __all__ = ["hand_size_m", "size_problem"]
 
@@ -51,7 +51,9 @@ def size_problem(model: Any, max_opening_m: float) -> str:
     size = hand_size_m(model)
     if problem := unit_problem("the hand's model", size, _HANDS, unit="m"):
         return f"{problem} (MJCF is in metres; <mesh scale=...> converts meshes)"
-    usual = Reference(
-        f"the hand is {shown(size)} across", 0.01 * size, 2.5 * size, (0.1 * size, 1.5 * size)
-    )
-    return unit_problem("max_opening_m", max_opening_m, usual, unit="m")
+    low, high = 0.01 * size, 2.5 * size
+    across = f"the hand is {shown(size)} across"
+    usual = Reference(across, low, high, (0.1 * size, 1.5 * size))
+    if problem := unit_problem("max_opening_m", max_opening_m, usual, unit="m"):
+        return f"{problem} Of such a hand, {between(low, high)} would fit."
+    return ""

@@ -1,16 +1,21 @@
-"""Custom gripper from an MJCF model and a TOML file that describes its use.
+"""Custom gripper from an MJCF or URDF model and a TOML file that describes its use.
 
 ::
 
     name = "three_jaw"
-    model = "three_jaw.xml"        # beside the TOML; its only root body is the base, without joint
+    model = "three_jaw.xml"        # beside the TOML; its only root body is the base
     max_opening_m = 0.09
     self_collision = false         # optional
     tcp_site = "tcp"               # z: out along the fingers; x: the direction of closing
 
+    # In place of a site, a pose:
+    # tcp_position_m = [0.0, 0.0, 0.12]
+    # tcp_quaternion = [1.0, 0.0, 0.0, 0.0]   # wxyz
+    # tcp_body = "palm"            # optional, in whose frame; by default the base's
+
     [closing]
     seconds = 0.8
-    open = { drive = 0.0 }         # an entry for each actuator of the model
+    open = { drive = 0.0 }         # an entry for each actuator, or the name of a keyframe
     close = { drive = 0.04 }
 
     [equilibrium]                  # optional, see grippers.protocol.Equilibrium
@@ -19,12 +24,16 @@
     [approach]                     # optional, see grippers.protocol.ApproachLimits
     force_n = 25.0
     short_m = 0.003
+    [actuators.drive]              # of a model without actuators, such as a URDF
+    joint = "left_finger_joint"
+    stiffness = 3000.0             # N/m, or Nm/rad
+    force = 40.0                   # optional: N or Nm; by default the joint's effort limit
+    damping = 60.0                 # optional
+    armature = 0.1                 # optional: kg or kg m^2
 """
 
 from __future__ import annotations
 
-import re
-import warnings
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -33,20 +42,32 @@ from typing import Any
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.errors import FormatError, InputError, UnknownNameError
-from graspcast.io.reading import MAX_TEXT_BYTES, check_regular, read_bytes
+from graspcast.errors import FormatError, InputError
 from graspcast.io.toml import TomlTable, read_toml
-from graspcast.pose.transforms import transform
+from graspcast.simulation.grippers.commands import check_commands, read_controls, read_drives
 from graspcast.simulation.grippers.dimensions import size_problem
+from graspcast.simulation.grippers.model_files import (
+    JointDrive,
+    compile_hand,
+    fixed_base,
+    load_model,
+    read_model,
+)
 from graspcast.simulation.grippers.protocol import ApproachLimits, Closing, Equilibrium
-from graspcast.simulation.mujoco_messages import compile_spec, one_line, quiet_mujoco
+from graspcast.simulation.grippers.tool_centre import read_tcp
 
 __all__ = ["MjcfGripper"]
 
 
 @dataclass(frozen=True, eq=False)
 class MjcfGripper:
-    """Gripper from an MJCF file; the module's docstring describes the TOML file."""
+    """Gripper from an MJCF or URDF file; the module's docstring describes the TOML file.
+
+    Attributes
+    ----------
+    notes
+        What of the model does not count.
+    """
 
     name: str
     model: Path
@@ -56,6 +77,8 @@ class MjcfGripper:
     equilibrium: Equilibrium
     self_collision: bool
     approach: ApproachLimits = field(default_factory=ApproachLimits)
+    drives: tuple[JointDrive, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> MjcfGripper:
@@ -74,19 +97,23 @@ class MjcfGripper:
         path = Path(path)
         table = TomlTable(path, "the gripper", read_toml(path))
         try:
-            return cls._from_table(path, table)
+            return cls.from_table(path, table)
         except UnicodeDecodeError as error:  # MuJoCo gives names as they are in the file
             where = path.parent / str(table.values.get("model"))
             raise FormatError(where, "has a name that is not UTF-8") from error
 
     @classmethod
-    def _from_table(cls, path: Path, table: TomlTable) -> MjcfGripper:
+    def from_table(cls, path: Path, table: TomlTable) -> MjcfGripper:
+        """Read a gripper from a table of a TOML file, with the errors of :meth:`from_toml`."""
         model = path.parent / str(table.take("model", str))
-        spec = _load(model)
-        compiled = _compile(spec, model)
-        closing = _section(path, "closing", Closing, table.take("closing", dict))
-        _check_actuators(path, model, [a.name for a in spec.actuators], closing)
-        _check_commands(path, compiled, closing)
+        drives = read_drives(path, table.take("actuators", dict, {}))
+        note = fixed_base(read_model(model), model)
+        spec = load_model(model, drives)
+        compiled = compile_hand(spec, model)
+        names = [actuator.name for actuator in spec.actuators]
+        commands = read_controls(path, model, table.take("closing", dict), names)
+        closing = _section(path, "closing", Closing, commands)
+        check_commands(path, model, compiled, names, closing)
         equilibrium = table.take("equilibrium", dict, {})
         approach = table.take("approach", dict, {})
         name = str(table.take("name", str))
@@ -95,12 +122,14 @@ class MjcfGripper:
         gripper = cls(
             name=name,
             model=model,
-            base_T_tcp=_tcp(path, compiled, table.take("tcp_site", str)),
+            base_T_tcp=read_tcp(path, table, compiled),
             max_opening_m=table.number("max_opening_m", lambda x: x > 0, "above zero"),
             closing=closing,
             equilibrium=_section(path, "equilibrium", Equilibrium, equilibrium),
             self_collision=table.take("self_collision", bool, False),
             approach=_section(path, "approach", ApproachLimits, approach),
+            drives=drives,
+            notes=(note,) if note else (),
         )
         table.nothing_else()
         if problem := size_problem(compiled, gripper.max_opening_m):
@@ -108,57 +137,15 @@ class MjcfGripper:
         return gripper
 
     def spec(self) -> Any:
-        """Read the MJCF file."""
-        return _load(self.model)
-
-
-def _check_actuators(path: Path, model: Path, actuators: list[str], closing: Closing) -> None:
-    """Raise unless the closing command names exactly the actuators of the model."""
-    if not actuators:
-        raise FormatError(model, "has no actuator, so the hand cannot close")
-    if unnamed := actuators.count(""):
-        raise FormatError(
-            model,
-            f"{unnamed} of its {len(actuators)} actuators have no name; give each a name=..., by "
-            f"which [closing] in {path.name} sets its control",
-        )
-    for name in closing.open:
-        if name not in actuators:
-            raise UnknownNameError("actuator", name, actuators, hint=f"See {path} and {model}.")
-    if missing := [name for name in actuators if name not in closing.open]:
-        raise FormatError(
-            path,
-            f"lacks the actuators {', '.join(missing)} of {model.name}: give the control of each "
-            "when open and when closed",
-            where="[closing]",
-        )
-
-
-def _check_commands(path: Path, compiled: Any, closing: Closing) -> None:
-    """Raise if a control lies outside of its actuator's range, to which MuJoCo would clamp it."""
-    for which, controls in (("open", closing.open), ("close", closing.close)):
-        for name, value in controls.items():
-            actuator = compiled.actuator(name)
-            low, high = map(float, actuator.ctrlrange)
-            slack = 1e-6 + 1e-3 * (high - low)
-            if actuator.ctrllimited[0] and not low - slack <= value <= high + slack:
-                raise FormatError(
-                    path,
-                    f"{which} sets {name} to {value:g}, outside of its ctrlrange {low:g} to "
-                    f"{high:g}; controls are in the actuator's own unit, of a slide metres",
-                    where="[closing]",
-                )
+        """Read the model file."""
+        return load_model(self.model, self.drives)
 
 
 def _section(path: Path, name: str, kind: type[Any], values: dict[str, Any]) -> Any:
     table = TomlTable(path, f"[{name}]", values)
-    for key, value in values.items():
+    for key in values:
         # The wrong type of a known key; unknown keys are an error below.
-        if key in ("open", "close"):
-            inner = TomlTable(path, f"[{name}] {key}", value)
-            for actuator in inner.values:
-                inner.number(actuator, lambda _: True, "a number")
-        elif key in kind.__dataclass_fields__:
+        if key in kind.__dataclass_fields__ and key not in ("open", "close"):
             table.number(key, lambda _: True, "a number")
     try:
         return kind(**values)
@@ -167,64 +154,3 @@ def _section(path: Path, name: str, kind: type[Any], values: dict[str, Any]) -> 
         raise FormatError(path, f"{error}; it may hold {known}", where=f"[{name}]") from error
     except InputError as error:
         raise FormatError(path, str(error), where=f"[{name}]") from error
-
-
-def _load(model: Path) -> Any:
-    import mujoco
-
-    if not model.exists():
-        raise InputError(f"{model}: there is no such file; the TOML's key 'model' names it")
-    _check_files(model)
-    quiet_mujoco()
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return mujoco.MjSpec.from_file(str(model))
-    except (ValueError, TypeError, RuntimeError) as error:  # also of bytes that are not UTF-8
-        raise FormatError(model, f"is not MJCF that MuJoCo reads: {one_line(error)}") from error
-
-
-_FILE = re.compile(r"""\bfile\s*=\s*["']([^"']+)""")
-
-
-def _check_files(model: Path) -> None:
-    """Raise unless an MJCF file, and what it includes, are regular files; MuJoCo opens any."""
-    waiting, seen = [model], set()
-    while waiting:
-        path = waiting.pop()
-        if path in seen:
-            continue
-        seen.add(path)
-        if path.suffix.lower() != ".xml" and path != model:
-            check_regular(path)
-            continue
-        named = _FILE.findall(read_bytes(path, MAX_TEXT_BYTES).decode(errors="replace"))
-        near = (model.parent / name for name in named)
-        waiting += [file for file in near if file.exists()]  # MuJoCo tells of missing ones
-
-
-def _compile(spec: Any, model: Path) -> Any:
-    roots = list(spec.worldbody.bodies)
-    if len(roots) != 1 or roots[0].joints:
-        found = ", ".join(f"{b.name!r}{' (with a joint)' if b.joints else ''}" for b in roots)
-        raise FormatError(
-            model, f"must have one root body, the hand's base, without a joint; it has {found}"
-        )
-    try:
-        return compile_spec(spec, "it")
-    except InputError as error:
-        raise FormatError(model, str(error)) from error
-
-
-def _tcp(path: Path, compiled: Any, site: str) -> Float[ndarray, "4 4"]:
-    import mujoco
-
-    names = [compiled.site(i).name for i in range(compiled.nsite)]
-    if site not in names:
-        raise UnknownNameError("site", site, names, hint=f"{path} names it as tcp_site.")
-    data = mujoco.MjData(compiled)
-    mujoco.mj_kinematics(compiled, data)
-    # The root body is body 1; the world is 0.
-    base = data.xmat[1].reshape(3, 3)
-    rotation = base.T @ data.site(site).xmat.reshape(3, 3)
-    return transform(rotation, base.T @ (data.site(site).xpos - data.xpos[1]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from jaxtyping import Float
@@ -12,6 +13,7 @@ from numpy import ndarray
 
 from graspcast.errors import InputError
 from graspcast.io.hashing import canonical_json, sha256
+from graspcast.io.reading import read_bytes
 from graspcast.pose.lengths import Reference, unit_problem
 
 __all__ = ["ApproachLimits", "Closing", "Equilibrium", "Gripper", "gripper_digest"]
@@ -167,6 +169,10 @@ def gripper_digest(gripper: Gripper) -> str:
     """Return the SHA-256, as hex, of everything in a gripper that a trial depends on."""
     spec = gripper.spec()
     assets = [part for item in sorted(spec.assets.items()) for part in item]
+    text = spec.to_xml()
+    for name, file in _mesh_files(spec):
+        assets.append(read_bytes(file))
+        text = text.replace(name, file.name)  # wherever it lies
     values = {
         "name": gripper.name,
         "base_T_tcp": gripper.base_T_tcp.tolist(),
@@ -175,4 +181,15 @@ def gripper_digest(gripper: Gripper) -> str:
         "equilibrium": asdict(gripper.equilibrium),
         "self_collision": gripper.self_collision,
     }
-    return sha256(spec.to_xml(), *assets, canonical_json(values))
+    return sha256(text, *assets, canonical_json(values))
+
+
+def _mesh_files(spec: Any) -> list[tuple[str, Path]]:
+    """Return the names of the mesh files of a specification, and the files."""
+    folders = [Path(spec.modelfiledir or "."), Path(spec.modelfiledir or ".") / spec.meshdir]
+    found = []
+    for name in dict.fromkeys(mesh.file for mesh in spec.meshes if mesh.file):
+        files = [folder / name for folder in folders if (folder / name).is_file()]
+        if files:
+            found.append((name, files[-1]))
+    return found

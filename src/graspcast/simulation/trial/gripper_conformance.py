@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from graspcast.errors import GraspcastError
@@ -14,33 +13,49 @@ from graspcast.io.conformance import Check, Report, UnmetError
 from graspcast.simulation.grippers.dimensions import size_problem
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.mujoco_messages import compile_spec
-from graspcast.simulation.objects.types import (
-    Grasp,
-    GraspObject,
-    Primitive,
-    box_corners,
-    check_rigid,
+from graspcast.simulation.objects.types import GraspObject, check_rigid
+from graspcast.simulation.trial.gripper_bench import ParkedHand, grasp_of_column, standing_column
+from graspcast.simulation.trial.gripper_measurement import (
+    Corrected,
+    GripperMeasurement,
+    measure_closing,
 )
-from graspcast.simulation.trial.scene import Scene
+from graspcast.simulation.trial.gripper_tcp import check_aligned, check_centred, check_opening
+from graspcast.simulation.trial.scene_spec import scene_spec
 from graspcast.simulation.trial.settings import TrialSettings
 from graspcast.simulation.trial.trial import Outcome, TrialRunner
 
-__all__ = ["GripperReport", "check_gripper", "standing_column"]
+__all__ = ["GripperReport", "check_gripper"]
 
 
 _MUJOCO = {"timestep": 0.002, "impratio": 1.0}
 """MuJoCo's defaults, which a model without an option of its own has."""
 
 
+@dataclass(frozen=True)
 class GripperReport(Report):
-    """Result of :func:`check_gripper`."""
+    """Result of :func:`check_gripper`.
+
+    Attributes
+    ----------
+    measured
+        What the gripper does in simulation; None if its fingers were not seen to close.
+    notes
+        Remarks of MuJoCo on the model, which do no harm.
+    """
 
     kind = "gripper"
+
+    measured: GripperMeasurement | None = None
+    notes: tuple[str, ...] = ()
 
 
 _DEEPEST_M = 0.003
 _GRAVITY = 9.81
-_MOSTLY, _CLEARLY, _ALIGNED_DEG = 0.8, 2.0, 30.0
+_WEAK = 1.5
+"""Below how many times the force that holds an object at rest a grip is weak, if it drops it."""
+_DEEP = 2.5
+"""Depth of the test column in its widths; the hand opens to two of them."""
 
 
 def check_gripper(gripper: Gripper) -> GripperReport:
@@ -55,14 +70,20 @@ def check_gripper(gripper: Gripper) -> GripperReport:
     touches    at least one of its geoms collides
     opens      it opens and comes to rest
     closes     it closes and comes to rest
-    aligned    its fingers close along x of the TCP
+    opening    it opens about as wide as it states
+    aligned    its fingers close along x of the TCP, and its z points out of the hand
+    centred    its TCP is between the fingers
     reopens    it opens again
-    holds      it holds a column half as wide as its opening through the lift
+    holds      it holds a column half as wide as its opening, and deeper than it, through the lift
     solid      it does not penetrate the column
     misses     it misses an object that is not there
     drops      it drops an object that is too heavy
     repeats    the same trial gives bitwise the same outcome
     ========== ===============================================================
+
+    Where the fingers close and how hard they press is measured, whatever the gripper states. If its
+    TCP is not where they meet, it grasps with the measured one, so that the remaining checks tell
+    of the hand.
 
     Parameters
     ----------
@@ -70,45 +91,19 @@ def check_gripper(gripper: Gripper) -> GripperReport:
         For example ``load_gripper("my_gripper.toml")``.
     """
     checks: list[Check] = []
-    bench: dict[str, Any] = {}
+    bench: dict[str, Any] = {"grasper": gripper, "notes": list(getattr(gripper, "notes", ()))}
     for name, check in _CHECKS:
         try:
             checks.append(Check(name, True, check(gripper, bench)))
         except (UnmetError, GraspcastError) as problem:
             checks.append(Check(name, False, str(problem)))
-            if name in _NEEDED:
+            if name in _NEEDED or bench.get("hopeless"):
                 break
-    return GripperReport(str(getattr(gripper, "name", gripper)), tuple(checks))
-
-
-def standing_column(width_m: float, *, mass_kg: float = 0.3, friction: float = 0.8) -> GraspObject:
-    """Return a square column that stands on the table, three times as high as wide.
-
-    Its origin is its centre.
-
-    Parameters
-    ----------
-    width_m
-        Side of the square, metres.
-    mass_kg
-        Mass.
-    friction
-        Coefficient of friction.
-    """
-    size = np.array([width_m, width_m, 3 * width_m])
-    standing = np.eye(4)
-    standing[2, 3] = size[2] / 2
-    return GraspObject(
-        name="test column",
-        vertices=box_corners(size / 2),
-        faces=np.zeros((0, 3), dtype=np.int64),
-        pieces=(Primitive("box", (size[0] / 2, size[1] / 2, size[2] / 2), np.eye(4)),),
-        mass_kg=mass_kg,
-        friction=friction,
-        centroid=np.zeros(3),
-        inertia=np.diag(mass_kg / 12 * (np.sum(size**2) - size**2)),
-        sim_T_ref=standing,
-    )
+    measured = bench.get("measured")
+    if measured is not None:
+        measured = measured.with_grip(bench.get("pressed", float("nan")))
+    name = str(getattr(gripper, "name", gripper))
+    return GripperReport(name, tuple(checks), measured, tuple(bench["notes"]))
 
 
 def _describes(gripper: Gripper, bench: dict[str, Any]) -> str:
@@ -135,9 +130,11 @@ def _compiles(gripper: Gripper, bench: dict[str, Any]) -> str:
     if problem := size_problem(model, gripper.max_opening_m):
         raise UnmetError(problem)
     parts = [f"{model.nv} degrees of freedom, {model.nu} actuators"]
-    if remarks:
-        parts.append(f"MuJoCo remarks: {' / '.join(remarks)}")
     settings = TrialSettings()
+    # What MuJoCo says of the hand alone, and of the hand on an arm.
+    attached = scene_spec(standing_column(0.5 * gripper.max_opening_m), gripper, settings)
+    compile_spec(attached, "the hand on an arm", remarks)
+    bench["notes"] += [f"MuJoCo: {remark}" for remark in dict.fromkeys(remarks)]
     own = {name: getattr(model.opt, name) for name in ("timestep", "impratio")}
     if any(own[name] not in (_MUJOCO[name], getattr(settings, name)) for name in own):
         parts.append(
@@ -172,9 +169,9 @@ def _touches(gripper: Gripper, bench: dict[str, Any]) -> str:
 def _opens(gripper: Gripper, bench: dict[str, Any]) -> str:
     bench["width"] = 0.5 * gripper.max_opening_m
     bench["runner"] = TrialRunner(standing_column(bench["width"]), gripper)
-    bench["hand"] = hand = _ParkedHand(bench["runner"].scene)
+    bench["hand"] = hand = ParkedHand(bench["runner"].scene)
     hand.command(gripper.closing.open, 0.5)
-    bench["open"], bench["open points"] = hand.scene.posture(), hand.scene.hand_points()
+    bench["open"] = hand.scene.posture()
     speed = hand.scene.hand_speed()
     if speed > 1e-3:
         raise UnmetError(
@@ -186,45 +183,60 @@ def _opens(gripper: Gripper, bench: dict[str, Any]) -> str:
 
 def _closes(gripper: Gripper, bench: dict[str, Any]) -> str:
     hand, closing = bench["hand"], gripper.closing
-    hand.ramp(closing.open, closing.close, closing.seconds)
-    hand.command(closing.close, gripper.equilibrium.limit_s)
+    postures = hand.close(closing, gripper.equilibrium.limit_s)
+    bench["hopeless"] = True  # of a hand that is unstable or closes outwards the rest says nothing
+    if hand.scene.diverged():
+        raise UnmetError(
+            "the simulation of the closing hand is unstable: use more damping and armature, or a "
+            "weaker servo"
+        )
     moved = float(np.abs(hand.scene.posture() - bench["open"]).max())
-    bench["closed points"] = hand.scene.hand_points()
+    speed = hand.scene.hand_speed()
     if moved < 0.1 * gripper.max_opening_m:
+        bench["hopeless"] = False
         raise UnmetError(
             f"no joint moved by more than {1e3 * moved:.1f} mm on its way from open to closed; "
             "are open and close different, and the servo strong enough?"
         )
-    if hand.scene.hand_speed() > 1e-3:
+    bench["measured"] = measure_closing(gripper, hand.scene, postures)
+    bench["hopeless"] = False
+    if speed > 1e-3:
         raise UnmetError(
-            f"closed without an object, it still moves at {1e3 * hand.scene.hand_speed():.1f} mm/s "
+            f"closed without an object, it still moves at {1e3 * speed:.1f} mm/s "
             f"after {gripper.equilibrium.limit_s:g} s"
         )
     return f"moves a joint by {1e3 * moved:.0f} mm and comes to rest"
 
 
+def _measured(bench: dict[str, Any]) -> GripperMeasurement:
+    measured: GripperMeasurement | None = bench.get("measured")
+    if measured is None:
+        raise UnmetError("unknown, as the fingers were not seen to close on one another")
+    return measured
+
+
+def _opening(gripper: Gripper, bench: dict[str, Any]) -> str:
+    return check_opening(_measured(bench), gripper.max_opening_m)
+
+
 def _aligned(gripper: Gripper, bench: dict[str, Any]) -> str:
-    if "closed points" not in bench:
-        raise UnmetError("unknown, as the hand was not seen closed")
-    # In the TCP's frame: how much the parts of the hand move along each axis, and between them.
-    motion = (bench["closed points"] - bench["open points"]) @ gripper.base_T_tcp[:3, :3]
-    spread = motion.T @ motion
-    share = np.diag(spread) / max(float(np.trace(spread)), 1e-12)
-    direction = f"{share[0]:.0%} of their motion is along x of the TCP, {share[1]:.0%} along y"
-    if share[2] > _MOSTLY and share[0] < 1 - _MOSTLY:
-        raise UnmetError(
-            "from open to closed the fingers move along z of the TCP, not along x; z is the "
-            "direction out along the fingers, x that in which they close: turn the TCP's frame"
-        )
-    low, high = np.linalg.eigvalsh(spread[:2, :2])
-    angle = 0.5 * np.degrees(np.arctan2(2 * spread[0, 1], spread[0, 0] - spread[1, 1]))
-    if high > _CLEARLY * low and abs(angle) > _ALIGNED_DEG:
-        axis = "along y" if abs(angle) > 90 - _ALIGNED_DEG else f"at {abs(angle):.0f}° to x"
-        raise UnmetError(
-            f"from open to closed the fingers move {axis} of the TCP, not along x: reference "
-            f"grasps would be tried turned by {abs(angle):.0f}°; turn the TCP's frame about its z"
-        )
-    return f"the fingers close along x of the TCP ({direction})"
+    return _corrected(gripper, bench, check_aligned)
+
+
+def _centred(gripper: Gripper, bench: dict[str, Any]) -> str:
+    return _corrected(gripper, bench, check_centred)
+
+
+def _corrected(
+    gripper: Gripper, bench: dict[str, Any], check: Callable[[GripperMeasurement], str]
+) -> str:
+    """Run a check of the TCP; where it fails, let the measured one grasp from then on."""
+    measured = _measured(bench)
+    try:
+        return check(measured)
+    except UnmetError:
+        bench["grasper"] = Corrected(gripper, measured.base_T_tcp)
+        raise
 
 
 def _reopens(gripper: Gripper, bench: dict[str, Any]) -> str:
@@ -237,31 +249,36 @@ def _reopens(gripper: Gripper, bench: dict[str, Any]) -> str:
     return f"back to open within {1e3 * difference:.2f} mm"
 
 
-def _grasp(gripper: Gripper, width: float, raised_m: float = 0.0) -> Grasp:
-    # From above, the TCP half a width below the column's top.
-    obj_T_grasp = np.diag([1.0, -1.0, -1.0, 1.0])
-    obj_T_grasp[2, 3] = width + raised_m
-    return Grasp(obj_T_grasp, "test column", gripper.name)
+def _column(bench: dict[str, Any], mass_kg: float = 0.3) -> GraspObject:
+    """Return the test column, deep enough to tell x of the TCP from y."""
+    measured = bench.get("measured")
+    square = measured is None or measured.all_sides
+    depth = bench["width"] * (1.0 if square else _DEEP)
+    return standing_column(bench["width"], depth_m=depth, mass_kg=mass_kg)
 
 
 def _holds(gripper: Gripper, bench: dict[str, Any]) -> str:
-    width, runner = bench["width"], bench["runner"]
-    depths, pressed = [0.0], [0.0]
+    width, grasper = bench["width"], bench["grasper"]
+    column = _column(bench)
+    runner = bench["runner"] = TrialRunner(column, grasper)
+    depths: list[float] = [0.0]
 
     def watch(model: Any, data: Any, phase: str) -> None:
         depths.append(runner.scene.hand_overlap_m())
-        if phase == "close":
-            pressed.append(runner.scene.grip_n())
 
-    outcome = runner.run(np.eye(4), _grasp(gripper, width), early_stop=False, record=watch)
-    bench["held"], bench["depth"] = outcome, max(depths)
-    column = runner.grasp_object
+    grasp = grasp_of_column(grasper, width)
+    outcome = runner.run(np.eye(4), grasp, early_stop=False, record=watch)
+    # While the column still stands on the table: a weak hand would lose it in the lift.
+    hand = ParkedHand(runner.scene, runner.sim_T_base(np.eye(4), grasp))
+    pressed = hand.grip_n(gripper.closing)
+    bench["held"], bench["depth"], bench["pressed"] = outcome, max(depths), pressed
     needed = column.mass_kg * _GRAVITY / (2 * column.friction)
-    press = f"the fingers press with {pressed[-1]:.1f} N a side"
+    press = f"the fingers press with {pressed:.1f} N a side"
+    with_measured = "" if grasper is gripper else ", with the measured TCP"
     if outcome.success:
         return (
             f"a column of {1e3 * width:.0f} mm moved by {1e3 * outcome.offset_m:.1f} mm in the "
-            f"hand; {press}"
+            f"hand; {press}{with_measured}"
         )
     if outcome.stop:
         raise UnmetError(
@@ -269,18 +286,18 @@ def _holds(gripper: Gripper, bench: dict[str, Any]) -> str:
             "open when told to, and is the TCP between the fingertips, its z out along the fingers?"
         )
     what = (
-        f"a column of {1e3 * width:.0f} mm and {column.mass_kg:g} kg, grasped without error, was "
-        f"{outcome.reason} (offset {1e3 * outcome.offset_m:.0f} mm)"
+        f"a column of {1e3 * width:.0f} mm and {column.mass_kg:g} kg, grasped without error"
+        f"{with_measured}, was {outcome.reason} (offset {1e3 * outcome.offset_m:.0f} mm)"
     )
-    if 0 < pressed[-1] < needed:
+    if 0 < pressed < _WEAK * needed:
         raise UnmetError(
-            f"{what}: {press}, and {needed:.1f} N are needed at a friction of "
-            f"{column.friction:g}; give the actuators more force (gain, forcerange)"
+            f"weak grip: {press}, and {needed:.1f} N are needed at a friction of "
+            f"{column.friction:g} at rest, more in motion; {what}; give the actuators more force "
+            "(gain, forcerange)"
         )
-    raise UnmetError(
-        f"{what}; {press if pressed[-1] else 'the fingers do not press on it'}. Is the TCP between "
-        "the fingertips, its z out along the fingers, its x the direction of closing?"
-    )
+    if not pressed:
+        raise UnmetError(f"{what}; at the end of closing the fingers do not press on it")
+    raise UnmetError(f"{what}; {press}, of which {needed:.1f} N would do: does it slip or tilt?")
 
 
 def _solid(gripper: Gripper, bench: dict[str, Any]) -> str:
@@ -296,7 +313,8 @@ def _solid(gripper: Gripper, bench: dict[str, Any]) -> str:
 def _misses(gripper: Gripper, bench: dict[str, Any]) -> str:
     runner: TrialRunner = bench["runner"]
     raised = 0.5 * bench["width"] + gripper.max_opening_m
-    outcome = runner.run(np.eye(4), _grasp(gripper, bench["width"], raised), early_stop=False)
+    grasp = grasp_of_column(gripper, bench["width"], raised)
+    outcome = runner.run(np.eye(4), grasp, early_stop=False)
     if outcome.reason != "missed":
         raise UnmetError(f"grasping {1e3 * raised:.0f} mm too high was {outcome.reason}")
     return f"grasping {1e3 * raised:.0f} mm too high leaves the column standing"
@@ -304,8 +322,8 @@ def _misses(gripper: Gripper, bench: dict[str, Any]) -> str:
 
 def _drops(gripper: Gripper, bench: dict[str, Any]) -> str:
     width = bench["width"]
-    heavy = TrialRunner(standing_column(width, mass_kg=100.0), gripper)
-    outcome = heavy.run(np.eye(4), _grasp(gripper, width))
+    heavy = TrialRunner(_column(bench, mass_kg=100.0), bench["grasper"])
+    outcome = heavy.run(np.eye(4), grasp_of_column(gripper, width))
     if outcome.reason not in ("dropped", "slipped", "missed"):
         raise UnmetError(
             f"a column of 100 kg was {outcome.reason}: is any actuator without a force limit?"
@@ -315,9 +333,10 @@ def _drops(gripper: Gripper, bench: dict[str, Any]) -> str:
 
 def _repeats(gripper: Gripper, bench: dict[str, Any]) -> str:
     runner: TrialRunner = bench["runner"]
-    again = runner.run(np.eye(4), _grasp(gripper, bench["width"]), early_stop=False)
-    fresh = TrialRunner(standing_column(bench["width"]), gripper)
-    anew = fresh.run(np.eye(4), _grasp(gripper, bench["width"]), early_stop=False)
+    grasp = grasp_of_column(gripper, bench["width"])
+    again = runner.run(np.eye(4), grasp, early_stop=False)
+    fresh = TrialRunner(_column(bench), bench["grasper"])
+    anew = fresh.run(np.eye(4), grasp, early_stop=False)
     if not _same(again, bench["held"]) or not _same(anew, bench["held"]):
         raise UnmetError(
             f"the same trial gave offsets of {bench['held'].offset_m!r}, {again.offset_m!r} and "
@@ -337,7 +356,9 @@ _CHECKS: tuple[tuple[str, Callable[[Gripper, dict[str, Any]], str]], ...] = (
     ("touches", _touches),
     ("opens", _opens),
     ("closes", _closes),
+    ("opening", _opening),
     ("aligned", _aligned),
+    ("centred", _centred),
     ("reopens", _reopens),
     ("holds", _holds),
     ("solid", _solid),
@@ -346,22 +367,3 @@ _CHECKS: tuple[tuple[str, Callable[[Gripper, dict[str, Any]], str]], ...] = (
     ("repeats", _repeats),
 )
 _NEEDED = ("describes", "compiles", "actuators", "touches", "opens")
-
-
-class _ParkedHand:
-    """Hand of a scene, high above object and table."""
-
-    def __init__(self, scene: Scene):
-        self.scene = scene
-        scene.park()
-
-    def command(self, controls: Mapping[str, float], seconds: float) -> None:
-        scene = self.scene
-        for name, value in controls.items():
-            scene.data.ctrl[scene.hand_ctrl[name]] = value
-        mujoco.mj_step(scene.model, scene.data, nstep=round(seconds / scene.settings.timestep))
-
-    def ramp(self, start: Mapping[str, float], end: Mapping[str, float], seconds: float) -> None:
-        count = max(1, round(seconds / 0.01))
-        for k in range(1, count + 1):
-            self.command({n: start[n] + k / count * (end[n] - start[n]) for n in start}, 0.01)

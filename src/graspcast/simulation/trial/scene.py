@@ -173,17 +173,6 @@ class Scene:
         speeds = self.data.qvel[self.model.jnt_dofadr[self.hand_joints]] * self.joint_levers
         return float(np.abs(speeds).max())
 
-    def hand_points(self) -> Float[ndarray, "p 3"]:
-        """Return points fixed to the moving parts of the hand, in its base frame, metres."""
-        chosen = np.flatnonzero((self.kind == HAND) & (self.model.geom_bodyid != self.base_body))
-        rotation = self.data.geom_xmat[chosen].reshape(-1, 3, 3)
-        local = self.model.geom_aabb[chosen]
-        corners = local[:, None, :3] + box_corners(local[:, 3:])
-        points = self.data.geom_xpos[chosen][:, None] + np.einsum("gij,gkj->gki", rotation, corners)
-        base = self.data.xmat[self.base_body].reshape(3, 3)
-        in_base: ndarray = (points.reshape(-1, 3) - self.data.xpos[self.base_body]) @ base
-        return in_base
-
     def grip_n(self) -> float:
         """Return the horizontal force with which the hand presses on each side of the object, N.
 
