@@ -49,12 +49,14 @@ from graspcast.simulation.campaign.jobs import available_trials, load_setups
 from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.grasps.table import read_grasps
 from graspcast.simulation.grippers import GRIPPERS
+from graspcast.simulation.trial.settings import TrialSettings
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.camera_tables import read_camera_motion
 from graspcast.views.choice import ViewsFrom
 from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
 from graspcast.views.spread import DEFAULT_SPREAD, Spread, Spreads
 
+PAPER = TrialSettings.paper()
 TRUE_POSE = "true pose"
 _KEY = ["scene_id", "im_id", "obj_id", "est_id"]
 _INSTANCE = ["dataset", "gripper", "gt_row"]
@@ -173,7 +175,7 @@ class Trials:
         start = perf_counter()
         outcomes = run_campaign(
             requests,
-            load_setups(requests, self.grasps, bop_dirs=self.roots),
+            load_setups(requests, self.grasps, settings=PAPER, bop_dirs=self.roots),
             work / self.scenario.name / f"{slug(self.guide)}-{gripper}-{part}",
             executor=LocalExecutor(workers),
         )
@@ -196,7 +198,7 @@ def true_poses_tried(scenario: Scenario, work: Path) -> pl.DataFrame:
     )
     requests = TrialRequests(keys, np.tile(np.eye(4), (len(keys), 1, 1)))
     requests = available_trials(requests, [], bop_dirs=roots)
-    setups = load_setups(requests, grasps, bop_dirs=roots)
+    setups = load_setups(requests, grasps, settings=PAPER, bop_dirs=roots)
     out = work / scenario.name / "true-pose"
     outcomes = run_campaign(requests, setups, out, executor=LocalExecutor(1))
     success = pl.col("success").cast(pl.Int64).alias(TRUE_POSE)

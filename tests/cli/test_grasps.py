@@ -9,6 +9,7 @@ import pytest
 from commands import refused
 from cubes import write_tables
 from graspcast.cli import main
+from graspcast.simulation.objects.types import Grasp
 
 
 @pytest.fixture
@@ -27,6 +28,27 @@ def test_outcomes_are_printed_and_the_sheet_is_written(
         assert line in said
     assert "held" in said and said.count("no reference grasp") + said.count("no mesh") == 3
     assert out.stat().st_size > 1000
+
+
+def test_a_grasp_that_collides_at_the_true_pose_is_said_to(
+    tmp_path: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    from graspcast.simulation.grasps.table import ReferenceGrasp, grasps_in, write_grasps
+
+    (reference,) = grasps_in(tmp_path / "grasps.toml")
+    pose = reference.grasp.obj_T_grasp.copy()
+    pose[2, 3] -= 0.06
+    deep = ReferenceGrasp(Grasp(pose, "cube", "parallel"), "too deep")
+    write_grasps(tmp_path / "grasps.toml", [deep])
+    command = ["grasps", *tables, "--objects", "cube", "--gripper", "parallel", "--size", "100"]
+    command += ["--out", str(tmp_path / "sheet.png")]
+    assert main(command) == 0
+    out, err = capsys.readouterr()
+    assert "collided, stopped" in out
+    assert "collides even with a perfect estimate: cube by parallel" in err
+    assert main([*command, "--protocol", "paper"]) == 0
+    out, err = capsys.readouterr()
+    assert "held" in out and "collides" not in err
 
 
 def test_only_png_sheets_and_known_objects(

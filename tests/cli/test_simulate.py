@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ import pytest
 from commands import refused
 from cubes import OBJECTS
 from graspcast.cli import main
-from graspcast.simulation.grasps.table import ReferenceGrasp, write_grasps
+from graspcast.estimates.outcomes import read_error_outcomes, read_outcomes
+from graspcast.simulation.grasps.table import ReferenceGrasp, grasps_in, write_grasps
 from graspcast.simulation.objects.types import Grasp
 from network_commands import inputs
 
@@ -52,6 +54,50 @@ def test_a_trial_for_each_estimate_and_none_twice(
     assert set(outcomes["estimator"]) == {"a"} and set(outcomes["im_id"]) == set(range(0, 60, 6))
     assert main(command) == 0
     assert {path: path.stat().st_mtime_ns for path in files} == files
+
+
+def test_the_protocol_is_the_robot_s_unless_the_paper_s_is_asked_for(
+    world: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    def campaign(name: str, *more: str) -> tuple[pl.DataFrame, dict[str, object]]:
+        command = simulate(world, *tables, "--scenes", "0", "--out", str(world / name), *more)
+        assert main(command) == 0
+        manifest = json.loads((world / name / "manifest.json").read_text())
+        return pl.read_parquet(world / name / "outcomes.parquet"), manifest["setups"][0]
+
+    robot, setup = campaign("robot")
+    assert setup["protocol"] == "robot" and setup["settings"]["contact_force_n"] == 40.0
+    paper, setup = campaign("paper", "--protocol", "paper")
+    assert setup["protocol"] == "paper" and "contact_force_n" not in setup["settings"]
+    assert paper["force_n"].is_nan().all() and not robot["force_n"].is_nan().all()
+    gentle, setup = campaign("gentle", "--contact-force", "0.001")
+    assert setup["settings"]["contact_force_n"] == 0.001
+    touched = (robot["force_n"] > 0.001).sum()
+    assert (gentle["reason"] == "collided").sum() >= touched
+    deep = str(world / "deep.toml")
+    (table,) = grasps_in(world / "grasps.toml")
+    pose = table.grasp.obj_T_grasp.copy()
+    pose[2, 3] -= 0.07
+    write_grasps(deep, [replace(table, grasp=replace(table.grasp, obj_T_grasp=pose))])
+    capsys.readouterr()
+    campaign("deep", "--grasps", deep)
+    assert "most trials collide: made-1 by parallel" in capsys.readouterr().err
+    collided = gentle.filter(pl.col("reason") == "collided")
+    assert not collided["success"].any()
+    # Readers of outcomes take a collision for a failure.
+    for told in (read_outcomes(world / "gentle"), read_error_outcomes(world / "gentle")[0]):
+        assert told["success"].sum() == gentle["success"].sum() < len(told)
+    both = simulate(world, *tables, "--protocol", "paper", "--contact-force", "30")
+    assert "leave out --contact-force, or give --protocol robot" in refused(both, capsys)
+    for wrong in ("0", "-5", "nan", "inf", "strong"):
+        with pytest.raises(SystemExit, match="2"):
+            main(simulate(world, *tables, "--contact-force", wrong))
+        assert "a force above zero, in newtons, is needed" in capsys.readouterr().err
+    said = refused([*both[:-2], "--out", str(world / "robot")], capsys)
+    assert "protocol (robot there, paper now)" in said
+    assert "must be at most 1e+06" in refused(
+        simulate(world, *tables, "--contact-force", "1e9"), capsys
+    )
 
 
 def test_what_cannot_be_simulated_is_refused(

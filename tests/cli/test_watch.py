@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -27,9 +28,24 @@ def test_watch_says_the_outcome_and_draws_it(
     assert "missed" in heard.out and "--full" in heard.err
 
 
+def test_a_hand_that_goes_too_deep_is_said_to_stop_short(
+    tmp_path: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    trial = ["watch", "--object", "cube", "--gripper", "parallel", *tables, "--size", "64x64"]
+    trial += ["--out", str(tmp_path / "watch.png"), "--offset", "0", "0", "-60", "0", "0", "0"]
+    assert main(trial) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"collided, stopped \d\d mm short, pressing the object with \d+ N", said)
+    assert main([*trial, "--protocol", "paper"]) == 0
+    assert "held" in capsys.readouterr().out
+    assert main([*trial, "--contact-force", "150"]) == 0
+    assert "stopped" in capsys.readouterr().out, "short of its goal, at any force"
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
+        (["--protocol", "paper", "--contact-force", "9", "--out", "a.png"], ["--protocol robot"]),
         (["--out", "film.avi"], [".mp4, .gif, .png"]),
         (["--gripper", "underactuated", "--out", "a.png"], ["unknown grasp", "parallel"]),
         (["--object", "cub", "--out", "a.png"], ["did you mean 'cube'"]),

@@ -1,16 +1,20 @@
 from __future__ import annotations
 
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
 
+from campaign_script import make_requests
 from graspcast.paper.tables import paper_tables
-from graspcast.paper.validation import compare, render_cells, render_table1
+from graspcast.paper.validation import compare, render_cells, render_table1, validate
+from graspcast.simulation.campaign.jobs import TrialSetup
 from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.grasps.observed_trials import ObservedTrials
-from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp
+from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp, read_grasps
 from graspcast.simulation.objects.types import Grasp
 
 HANDS = ("parallel", "underactuated")
@@ -68,3 +72,25 @@ def test_tables(found: dict[str, Any]) -> None:
     cells = render_cells(found).splitlines()
     assert len(cells) == 4 and "19/20" in cells[2] and cells[2].rstrip(" |").endswith("7")
     assert "0.667" in next(row for row in render_table1(found).splitlines() if "Soup can" in row)
+
+
+@pytest.mark.ill_typed
+def test_published_trials_are_simulated_by_the_paper_s_protocol(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    protocols: list[str] = []
+
+    def run(requests: object, setups: dict[object, TrialSetup], *_: object, **__: object) -> None:
+        protocols.extend(setup.settings.protocol for setup in setups.values())
+
+    requests = make_requests(2)
+    trials = SimpleNamespace(requests=requests)
+    for name, stand_in in (
+        ("published_trials", lambda _: trials),
+        ("run_campaign", run),
+        ("held_under_jitter", lambda runner, _: protocols.append(runner.settings.protocol)),
+        ("compare", lambda *_: {}),
+    ):
+        monkeypatch.setattr(f"graspcast.paper.validation.{name}", stand_in)
+    validate(SimpleNamespace(bop={}), read_grasps(), tmp_path)  # type: ignore[arg-type]
+    assert protocols == ["paper", "paper"]

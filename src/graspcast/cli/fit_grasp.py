@@ -22,6 +22,8 @@ from graspcast.errors import InputError
 
 if TYPE_CHECKING:
     from graspcast.simulation.grasps.observed_trials import ObservedTrials
+    from graspcast.simulation.grippers.protocol import Gripper
+    from graspcast.simulation.trial.settings import TrialSettings
 
 __all__ = ["add"]
 
@@ -67,6 +69,13 @@ def add(verbs: Verbs) -> None:
     add_json(verb)
 
 
+def _settings(options: argparse.Namespace, gripper: Gripper) -> TrialSettings:
+    """Return the paper's protocol for published outcomes, the robot's for one's own."""
+    from graspcast.simulation.trial.settings import TrialSettings
+
+    return TrialSettings.robot(gripper) if options.data is None else TrialSettings.paper()
+
+
 def _trials_of(options: argparse.Namespace) -> tuple[ObservedTrials, dict[str, Path]]:
     """Load the trials that the options name, and the BOP directories of their datasets."""
     from graspcast.estimates.loading import load_outcomes
@@ -106,6 +115,7 @@ def _fit_grasp(options: argparse.Namespace) -> None:
 
     trials, bop_dirs = _trials_of(options)
     gripper = load_gripper(options.gripper)
+    settings = _settings(options, gripper)
     grasp_object = load_object(
         options.object, bop_dirs=bop_dirs, catalogue=read_catalogue(options.catalogue)
     )
@@ -123,9 +133,12 @@ def _fit_grasp(options: argparse.Namespace) -> None:
             effort=SearchEffort().scaled(options.budget),
             start=[known(*pair).grasp.obj_T_grasp] if pair in known else [],
             require_perfect_hold=options.require_perfect_hold,
+            settings=settings,
             progress=move,
         )
-    test = evaluate_grasp(found.reference, grasp_object, gripper, trials.of(*pair, "test"))
+    test = evaluate_grasp(
+        found.reference, grasp_object, gripper, trials.of(*pair, "test"), settings=settings
+    )
     reference = found.with_test(test, options.seed)
     rows = [[name.replace("_", " "), str(value)] for name, value in reference.agreement.items()]
     print_table(f"{pair[0]} by {pair[1]}", ["", ""], rows)

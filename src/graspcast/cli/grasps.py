@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from graspcast.cli.console import print_table, print_text, progress_bar
+from graspcast.cli.console import note, print_table, print_text, progress_bar
 from graspcast.cli.options import (
     Verbs,
     add_bop,
@@ -16,6 +16,7 @@ from graspcast.cli.options import (
     note_sizes,
     note_software_drawing,
 )
+from graspcast.cli.protocol_options import add_protocol, settings_of
 from graspcast.errors import InputError
 
 __all__ = ["add"]
@@ -41,6 +42,7 @@ def add(verbs: Verbs) -> None:
         help="only these, or the .toml file of a custom one; may be repeated",
     )
     add_tables(verb)
+    add_protocol(verb)
     verb.add_argument(
         "--size", metavar="PIXELS", type=field_size, default=320, help="of a picture (default: 320)"
     )
@@ -61,12 +63,14 @@ def _grasps(options: argparse.Namespace) -> None:
     catalogue = read_catalogue(options.catalogue)
     entries = [catalogue[name] for name in options.objects or catalogue]
     grippers = list(load_grippers(options.gripper or GRIPPERS).values())
+    settings = {gripper.name: settings_of(options, gripper) for gripper in grippers}
     note_software_drawing()
     with progress_bar("drawing") as move:
         cells = draw_cells(
             entries,
             grippers,
             read_grasps(options.grasps),
+            settings=settings,
             catalogue=catalogue,
             bop_dirs=bop_dirs_of(options),
             size=options.size,
@@ -78,4 +82,14 @@ def _grasps(options: argparse.Namespace) -> None:
     save_sheet(options.out, labels, [g.name for g in grippers], cells, size=options.size)
     rows = [(f"{name} by {gripper}", cell.note) for (name, gripper), cell in cells.items()]
     print_table("Reference grasps with a perfect estimate", ["", "outcome"], rows)
+    collided = [
+        f"{name} by {gripper}"
+        for (name, gripper), cell in cells.items()
+        if cell.outcome is not None and cell.outcome.reason == "collided"
+    ]
+    if collided:
+        note(
+            f"collides even with a perfect estimate: {', '.join(collided)}; choose a grasp that "
+            "leaves the hand more room, or --protocol paper, by which the arm presses on"
+        )
     print_text(str(options.out))

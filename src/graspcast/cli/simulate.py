@@ -15,6 +15,7 @@ from graspcast.cli.options import (
     new_verb,
     note_sizes,
 )
+from graspcast.cli.protocol_options import add_protocol, settings_of
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
@@ -63,6 +64,7 @@ def add(verbs: Verbs) -> None:
     verb.add_argument(
         "--catalogue", metavar="FILE", type=Path, help="objects (TOML) besides the built-in ones"
     )
+    add_protocol(verb)
     verb.add_argument(
         "--workers", metavar="N", type=int, help="worker processes (default: all cores)"
     )
@@ -118,7 +120,11 @@ def _requests(
 
 
 def _simulate(options: argparse.Namespace) -> None:
-    from graspcast.simulation.campaign.campaign import reason_counts, run_campaign
+    from graspcast.simulation.campaign.campaign import (
+        mostly_collided,
+        reason_counts,
+        run_campaign,
+    )
     from graspcast.simulation.campaign.jobs import available_trials, load_setups
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_grippers
@@ -127,6 +133,7 @@ def _simulate(options: argparse.Namespace) -> None:
     # Errors are transferred from all objects; --objects names those that they are transferred to.
     inputs = inputs_of(options, every_object=options.transferred_errors is not None)
     grippers = load_grippers(options.gripper)
+    settings = {name: settings_of(options, gripper) for name, gripper in grippers.items()}
     grasps = read_grasps(options.grasps)
     requests = _requests(options, inputs, grasps, tuple(grippers))
     bop_dirs = {name: dataset.root for name, dataset in inputs.datasets.items()}
@@ -135,7 +142,12 @@ def _simulate(options: argparse.Namespace) -> None:
         requests = available_trials(requests, inputs.notes, bop_dirs=bop_dirs, catalogue=catalogue)
     note(*inputs.notes, *inputs.lengths)
     setups = load_setups(
-        requests, grasps, bop_dirs=bop_dirs, catalogue=catalogue, grippers=grippers
+        requests,
+        grasps,
+        settings=settings,
+        bop_dirs=bop_dirs,
+        catalogue=catalogue,
+        grippers=grippers,
     )
     note_sizes(
         [setup.grasp_object for setup in setups.values()],
@@ -159,3 +171,8 @@ def _simulate(options: argparse.Namespace) -> None:
     rows = [(name, hand, f"{rate:.3f}", *map(str, n)) for name, hand, rate, *n in counts.rows()]
     print_table("Outcomes", counts.columns, rows)
     print_text(f"{options.out}: {len(outcomes)} trials")
+    if often := mostly_collided(counts):
+        note(
+            f"most trials collide: {', '.join(often)}; graspcast grasps shows whether the "
+            "reference grasp does so with a perfect estimate"
+        )

@@ -18,6 +18,7 @@ from graspcast.cli.options import (
     note_software_drawing,
     scene_and_image,
 )
+from graspcast.cli.protocol_options import add_protocol, settings_of
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ def add(verbs: Verbs) -> None:
         help="error of the estimate in the object's frame: mm, and a rotation vector in degrees",
     )
     add_tables(verb)
+    add_protocol(verb)
     verb.add_argument(
         "--full", action="store_true", help="simulate the full lift, without early stopping"
     )
@@ -119,10 +121,11 @@ def _watch(options: argparse.Namespace) -> None:
     catalogue = read_catalogue(options.catalogue)
     name = catalogue[options.object].name
     gripper = load_gripper(options.gripper)
+    settings = settings_of(options, gripper)
     reference = read_grasps(options.grasps)(name, gripper.name)
     obj_T_est = _estimate(options, catalogue[name])
     target = load_object(name, bop_dirs=bop_dirs_of(options), catalogue=catalogue)
-    runner = TrialRunner(reference.applied_to(target), gripper)
+    runner = TrialRunner(reference.applied_to(target), gripper, settings)
     note_sizes([runner.grasp_object], [gripper])
     recording = record_trial(runner, obj_T_est, reference.grasp, early_stop=not options.full)
     outcome = recording.outcome

@@ -23,6 +23,7 @@ from graspcast.simulation.grasps.agreement import agreement
 from graspcast.simulation.grasps.evaluation import held_under_jitter
 from graspcast.simulation.grasps.observed_trials import ObservedTrials, observed_trials
 from graspcast.simulation.grasps.table import GraspTable
+from graspcast.simulation.trial.settings import TrialSettings
 
 __all__ = ["compare", "published_trials", "render_cells", "render_table1", "summary", "validate"]
 
@@ -47,7 +48,9 @@ def validate(
     executor: Executor | None = None,
     progress: Callable[[float, str], None] | None = None,
 ) -> dict[str, Any]:
-    """Simulate every published trial and compare the outcomes; see :func:`compare`.
+    """Simulate every published trial by the paper's protocol, and compare the outcomes.
+
+    See :func:`compare`.
 
     Parameters
     ----------
@@ -64,7 +67,7 @@ def validate(
     """
     trials = published_trials(data)
     bop_dirs = {name: dataset.root for name, dataset in data.bop.items()}
-    setups = load_setups(trials.requests, grasps, bop_dirs=bop_dirs)
+    setups = load_setups(trials.requests, grasps, settings=TrialSettings.paper(), bop_dirs=bop_dirs)
     outcomes = run_campaign(trials.requests, setups, out, executor=executor, progress=progress)
     held = {}
     for i, (key, setup) in enumerate(setups.items()):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,9 +13,12 @@ from PIL import Image
 
 from cubes import SIZE, green, orange
 from graspcast.errors import ExtraMissingError
-from graspcast.rendering.trials.film import save_film, save_strip, strip_states
+from graspcast.pose.transforms import transform
+from graspcast.rendering.trials.film import describe, save_film, save_strip, strip_states
 from graspcast.rendering.trials.renderer import SceneRenderer
-from graspcast.simulation.trial.recording import Recording
+from graspcast.simulation.objects.types import Grasp
+from graspcast.simulation.trial.recording import Recording, record_trial
+from graspcast.simulation.trial.trial import TrialRunner
 
 
 def test_a_strip_shows_the_moments_and_tells_held_from_missed(
@@ -36,6 +40,23 @@ def test_a_strip_shows_the_moments_and_tells_held_from_missed(
     assert [name for name, _ in strip_states(missed)][:3] == ["pre-grasp", "at the grasp", "closed"]
     # Held, the cube fills the last picture; missed, it lies 1.5 m below the hand.
     assert orange(strips[0][-1]) > 10 * orange(strips[1][-1])
+
+
+def test_a_strip_of_a_collision_ends_where_the_hand_stopped(
+    tmp_path: Path, runner: TrialRunner, grasp: Grasp, renderer: SceneRenderer
+) -> None:
+    deep = transform(np.eye(3), np.array([0.0, 0.0, -0.06]))
+    collided = record_trial(runner, deep, grasp)
+    assert [name for name, _ in strip_states(collided)] == ["pre-grasp", "stopped"]
+    words = describe(collided.outcome)
+    assert re.fullmatch(r"collided, stopped \d+ mm short, pressing the object with \d+ N", words)
+    stopped = collided.states[-1].sim_T_base[2, 3] - collided.states[0].sim_T_base[2, 3]
+    assert -stopped == pytest.approx(
+        runner.settings.standoff_m - collided.outcome.short_m, abs=2e-3
+    )
+    save_strip(tmp_path / "strip.png", collided, renderer, "too deep")
+    with Image.open(tmp_path / "strip.png") as image:
+        assert image.width == 2 * SIZE
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ import polars as pl
 import pytest
 
 import graspcast.errors
-from graspcast.simulation.campaign.campaign import run_campaign
+from graspcast.simulation.campaign.campaign import mostly_collided, reason_counts, run_campaign
 from graspcast.simulation.campaign.executors import LocalExecutor
 from graspcast.simulation.campaign.jobs import TrialSetup
 from graspcast.simulation.campaign.requests import TrialRequests
@@ -57,7 +57,9 @@ def test_outcomes_are_those_of_the_trials_run_one_by_one(
     for row in outcomes.sample(6, seed=1).iter_rows(named=True):
         alone = runner.run(requests.obj_T_est[row["im_id"]], setup.grasp)
         assert (row["success"], row["reason"]) == (alone.success, alone.reason)
-        assert (row["offset_m"], row["steps"]) == (alone.offset_m, alone.steps)
+        for name in ("offset_m", "short_m", "force_n", "hit", "steps"):
+            told, wanted = row[name], getattr(alone, name)
+            assert told == wanted or (np.isnan(told) and np.isnan(wanted))
 
 
 def test_a_complete_campaign_is_four_files_and_is_not_run_again(
@@ -86,6 +88,21 @@ def test_order_does_not_matter(
         json.loads((d / "manifest.json").read_text()) for d in (complete, tmp_path / "out")
     )
     assert first["hash"] == second["hash"]
+
+
+def test_pairs_of_which_most_trials_collide_are_named() -> None:
+    outcomes = pl.DataFrame(
+        {
+            "object": ["a", "a", "a", "b", "b"],
+            "gripper": "parallel",
+            "reason": ["collided", "held", "collided", "collided", "held"],
+            "success": [False, True, False, False, True],
+            "steps": 1,
+        }
+    )
+    assert mostly_collided(reason_counts(outcomes)) == ["a by parallel"]
+    held = outcomes.filter(pl.col("reason") == "held")
+    assert mostly_collided(reason_counts(held)) == []
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -118,6 +119,43 @@ def test_a_damaged_shard_is_named_and_the_rest_stays(complete: Path, tmp_path: P
     pl.DataFrame({"a": [1]}).write_parquet(directory / "outcomes.parquet")
     with pytest.raises(FormatError, match="should have the columns estimator"):
         Store(directory).outcomes()
+
+
+def test_outcomes_from_before_the_robot_s_protocol_are_read_as_of_the_paper_s(
+    complete: Path, tmp_path: Path
+) -> None:
+    directory = tmp_path / "copy"
+    shutil.copytree(complete, directory)
+    whole = Store(complete).outcomes()
+    whole.drop("short_m", "force_n", "hit").write_parquet(directory / "outcomes.parquet")
+    old = Store(directory).outcomes()
+    assert dict(old.schema) == COLUMNS
+    assert old["short_m"].is_nan().all() and old["force_n"].is_nan().all()
+    assert old["hit"].is_null().all()
+    assert old.drop("short_m", "force_n", "hit").equals(whole.drop("short_m", "force_n", "hit"))
+
+
+def test_campaigns_of_the_two_protocols_are_not_mixed_and_their_names_are_told(
+    complete: Path,
+    requests: TrialRequests,
+    setups: dict[tuple[str, str], TrialSetup],
+    tmp_path: Path,
+) -> None:
+    paper = {key: replace(setup, settings=TrialSettings.paper()) for key, setup in setups.items()}
+    said = r"another configuration: protocol \(robot there, paper now\), ycbv-4 by parallel"
+    with pytest.raises(MismatchError, match=said):
+        run_campaign(requests, paper, complete, executor=ONE)
+    few = requests.select(np.arange(2))
+    run_campaign(few, paper, tmp_path / "paper", executor=ONE)
+    manifest = Store(tmp_path / "paper").manifest
+    # As before there was another protocol, so that campaigns from then can be resumed.
+    assert "protocol" not in manifest["configuration"]
+    assert manifest["setups"][0]["protocol"] == "paper"
+    assert "Protocol: paper" in (tmp_path / "paper" / "README.md").read_text()
+    assert Store(complete).manifest["configuration"]["protocol"] == "robot"
+    assert "Protocol: robot" in (complete / "README.md").read_text()
+    with pytest.raises(MismatchError, match=r"protocol \(paper there, robot now\)"):
+        run_campaign(few, setups, tmp_path / "paper", executor=ONE)
 
 
 def test_keys_are_the_first_columns() -> None:

@@ -16,6 +16,8 @@ from graspcast.simulation.grippers import (
     load_gripper,
     load_grippers,
 )
+from graspcast.simulation.grippers.protocol import gripper_digest
+from graspcast.simulation.trial.settings import TrialSettings
 
 THREE_JAW = Path(__file__).parents[2] / "data" / "three_jaw.toml"
 
@@ -34,6 +36,18 @@ def test_the_tool_centre_point_of_a_foreign_hand_is_in_its_base_frame() -> None:
     # The site sits 55 mm along -y of the base; z of the site is -y, x is z of the base.
     expected = transform(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.array([0, -0.055, 0]))
     np.testing.assert_allclose(load_gripper(THREE_JAW).base_T_tcp, expected, atol=1e-9)
+
+
+def test_a_gripper_may_set_the_limits_on_its_approach(tmp_path: Path) -> None:
+    (tmp_path / "three_jaw.xml").write_text(MJCF)
+    path = tmp_path / "hand.toml"
+    path.write_text(TOML + "\n[approach]\nforce_n = 25\nshort_m = 0.003\n")
+    careful = load_gripper(path)
+    settings = TrialSettings.robot(careful)
+    assert (settings.contact_force_n, settings.short_m) == (25.0, 0.003)
+    # The arm's limits are of the settings, so the gripper's own digest is as without them.
+    assert gripper_digest(careful) == gripper_digest(load_gripper(THREE_JAW))
+    assert TrialSettings.robot(load_gripper(THREE_JAW)) == TrialSettings()
 
 
 TOML = THREE_JAW.read_text()
@@ -83,6 +97,10 @@ MJCF = (THREE_JAW.parent / "three_jaw.xml").read_text()
         (("seconds = 0.6", "seconds = 0"), None, FormatError, "closing takes 0 s"),
         (("seconds = 0.6", "second = 0.6"), None, FormatError, r"\[closing\].*it may hold open"),
         (("[closing]", "[closing"), None, FormatError, "is not TOML"),
+        (("[closing]", "[approach]\nforce_n = 0\n[closing]"), None, FormatError, "force_n is 0"),
+        (("[closing]", "[approach]\nforce_n = 'x'\n[closing]"), None, FormatError, "a number"),
+        (("[closing]", "[approach]\nshort_m = 5\n[closing]"), None, FormatError, "millimetres"),
+        (("[closing]", "[approach]\nnewtons = 5\n[closing]"), None, FormatError, "force_n, sho"),
         (("[closing]", "[equilibrium]\nlimit = 1\n[closing]"), None, FormatError, "equilibrium"),
         (
             ("", ""),

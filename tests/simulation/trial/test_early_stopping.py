@@ -32,7 +32,7 @@ def test_stopping_early_gives_the_label_of_the_full_lift(gripper: str) -> None:
             assert quick.offset_m == pytest.approx(full.offset_m, abs=5e-3)
         seen[full.reason] += 1
         saved += full.steps - quick.steps
-    assert min(seen["held"], seen["dropped"], seen["missed"]) >= 5, seen
+    assert min(seen["held"], seen["dropped"], seen["missed"], seen["collided"]) >= 5, seen
     assert saved > 0
 
 

@@ -81,6 +81,7 @@ def undamped(spec: Any) -> None:
 
 
 def weak(spec: Any) -> None:
+    """Too weak to open."""
     spec.actuators[0].forcerange = (-0.3, 0.3)
 
 
@@ -130,7 +131,7 @@ _BACKWARDS = transform(np.diag([1.0, -1.0, -1.0]), np.array([0, 0, 0.1034]))
         ("aligned", {"base_T_tcp": _OBLIQUE}, "at 45° to x of the TCP"),
         ("aligned", {"base_T_tcp": _SIDEWAYS}, "along z of the TCP"),
         ("holds", {"base_T_tcp": _BACKWARDS}, "Is the TCP between"),
-        ("holds", {"spec": model(weak)}, "N a side, and 1.8 N are needed at a friction of 0.8"),
+        ("holds", {"spec": model(weak)}, "N, on the way to a column of 40 mm: does it open"),
         ("solid", {"spec": model(crushing)}, "limit its actuators"),
         ("drops", {"spec": model(unlimited)}, "force limit"),
         ("repeats", {"spec": model(drifting)}, "depend on anything"),

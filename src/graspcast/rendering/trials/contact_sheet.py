@@ -15,13 +15,13 @@ from graspcast.errors import ExtraMissingError, InputError, MismatchError
 from graspcast.rendering.drawing import FAINT, INK, blank, save_png, write
 from graspcast.rendering.trials.film import describe, write_outcome
 from graspcast.rendering.trials.renderer import SceneRenderer
-from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp
+from graspcast.simulation.grasps.table import GraspTable
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.catalogue import Catalogue, ObjectEntry
 from graspcast.simulation.objects.load import BopDirectories, load_object, why_no_mesh
-from graspcast.simulation.objects.types import GraspObject
+from graspcast.simulation.objects.types import Grasp, GraspObject
 from graspcast.simulation.trial.recording import record_trial
-from graspcast.simulation.trial.trial import Outcome, TrialRunner
+from graspcast.simulation.trial.trial import Outcome, TrialRunner, TrialSettings
 
 __all__ = ["Cell", "draw_cells", "save_sheet"]
 
@@ -53,6 +53,7 @@ def draw_cells(
     grippers: Sequence[Gripper],
     grasps: GraspTable,
     *,
+    settings: Mapping[str, TrialSettings] | None = None,
     catalogue: Catalogue,
     bop_dirs: BopDirectories | None = None,
     size: int = 320,
@@ -71,6 +72,8 @@ def draw_cells(
         Grippers.
     grasps
         Reference grasps.
+    settings
+        How the trials are run, by gripper's name; the robot's protocol if None.
     catalogue
         The catalogue of the objects.
     bop_dirs
@@ -103,7 +106,10 @@ def draw_cells(
                 cells[pair] = missing
             else:
                 try:
-                    cells[pair] = _draw_cell(target, gripper, grasps(*pair), size, collision)
+                    reference = grasps(*pair)
+                    how = None if settings is None else settings[gripper.name]
+                    runner = TrialRunner(reference.applied_to(target), gripper, how)
+                    cells[pair] = _draw_cell(runner, reference.grasp, size, collision)
                 except MismatchError as error:
                     cells[pair] = Cell(None, str(error))
             if progress is not None:
@@ -111,12 +117,9 @@ def draw_cells(
     return cells
 
 
-def _draw_cell(
-    target: GraspObject, gripper: Gripper, reference: ReferenceGrasp, size: int, collision: bool
-) -> Cell:
-    target = reference.applied_to(target)
-    runner = TrialRunner(target, gripper)
-    recording = record_trial(runner, np.eye(4), reference.grasp)
+def _draw_cell(runner: TrialRunner, grasp: Grasp, size: int, collision: bool) -> Cell:
+    target, gripper = runner.grasp_object, runner.gripper
+    recording = record_trial(runner, np.eye(4), grasp)
     state = (recording.of("close") or recording.states)[-1]
     with SceneRenderer(target, gripper, width=size, height=size, collision=collision) as renderer:
         pixels = renderer.image(state, renderer.close_up(state))

@@ -31,7 +31,13 @@ def suffixes() -> tuple[str, ...]:
 
 
 def describe(outcome: Outcome) -> str:
-    """Describe an outcome in a few words: its reason, and the offset if there is one."""
+    """Describe an outcome in a few words: its reason, and the offset if there is one.
+
+    Of a collision, where the hand stopped and what it pressed: ``"collided, stopped 40 mm short,
+    pressing the object with 62 N"``.
+    """
+    if outcome.stop:
+        return f"{outcome.reason}, {outcome.stop}"
     if np.isnan(outcome.offset_m):
         return outcome.reason
     return f"{outcome.reason}, offset {_length(outcome.offset_m)}"
@@ -42,7 +48,8 @@ def strip_states(recording: Recording) -> list[tuple[str, State]]:
     approach, close, lift = (recording.of(phase) for phase in ("approach", "close", "lift"))
     out = [("pre-grasp", recording.states[0])]
     if len(approach) > 1:
-        out.append(("at the grasp", approach[-1]))
+        collided = recording.outcome.reason == "collided"
+        out.append(("stopped" if collided else "at the grasp", approach[-1]))
     if close:
         out.append(("closed", close[-1]))
     if lift:

@@ -24,7 +24,7 @@ from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.campaign.store import COLUMNS, Store
 from graspcast.simulation.trial.trial import Outcome
 
-__all__ = ["reason_counts", "run_campaign"]
+__all__ = ["mostly_collided", "reason_counts", "run_campaign"]
 
 _BATCH_SIZE = 16
 
@@ -106,15 +106,32 @@ def reason_counts(outcomes: pl.DataFrame) -> pl.DataFrame:
     return rates.join(counts, on=keys).with_columns(reasons).sort(keys)
 
 
+def mostly_collided(counts: pl.DataFrame) -> list[str]:
+    """Return the pairs of which more than half of the trials collided, as "object by gripper".
+
+    Parameters
+    ----------
+    counts
+        From :func:`reason_counts`.
+    """
+    if "collided" not in counts.columns:
+        return []
+    total = pl.sum_horizontal(pl.exclude("object", "gripper", "success"))
+    often = counts.filter(pl.col("collided") > total / 2)
+    return [f"{name} by {gripper}" for name, gripper in often.select("object", "gripper").rows()]
+
+
 def _manifest(
     requests: TrialRequests,
     setups: Mapping[tuple[str, str], TrialSetup],
     sources: Mapping[str, str],
 ) -> dict[str, Any]:
     used = {key: setups[key] for key in sorted(requests.pairs())}
+    protocols = sorted({setup.settings.protocol for setup in used.values()})
     configuration = {
         "graspcast": __version__,
         "mujoco": mujoco.__version__,
+        **({} if protocols == ["paper"] else {"protocol": " and ".join(protocols)}),
         **{f"estimates of {name}": digest for name, digest in sorted(requests.digests().items())},
         **{f"{name} by {gripper}": setup.digest for (name, gripper), setup in used.items()},
     }
@@ -140,6 +157,7 @@ def _describe(setup: TrialSetup) -> dict[str, Any]:
         "sim_T_ref": grasp_object.sim_T_ref.tolist(),
         "obj_T_grasp": setup.grasp.obj_T_grasp.tolist(),
         "early_stop": setup.early_stop,
+        "protocol": setup.settings.protocol,
         "settings": setup.settings.as_dict(),
     }
 
@@ -160,7 +178,10 @@ def _batches(requests: TrialRequests, left: np.ndarray) -> Iterator[Batch]:
 def _table(
     requests: TrialRequests, batch: Batch, outcomes: list[Outcome], setup: TrialSetup
 ) -> pl.DataFrame:
-    fields = ("success", "reason", "offset_m", "simulated_s", "computed_s", "steps")
+    fields = (
+        *("success", "reason", "offset_m", "short_m", "force_n", "hit"),
+        *("simulated_s", "computed_s", "steps"),
+    )
     columns = {name: [getattr(outcome, name) for outcome in outcomes] for name in fields}
     error = error_numbers(requests.obj_T_est[batch.rows])
     return requests.keys[batch.rows].with_columns(

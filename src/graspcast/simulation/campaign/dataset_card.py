@@ -29,10 +29,16 @@ _MEANING = {
         ERROR_COLUMNS[3:], "radians: rotation vector from the true object to the estimate"
     ),
     "success": "whether the object stayed within the tolerance of its place in the hand",
-    "reason": "`held` for a success; `dropped`, `slipped`, `missed`, `blocked` (the open hand "
-    "started in the object or the table), `unstable` (the simulation diverged)",
+    "reason": "`held` for a success; `dropped`, `slipped`, `missed`, `collided` (the arm stopped "
+    "on the approach), `blocked` (the open hand started in the object or the table), `unstable` "
+    "(the simulation diverged)",
     "offset_m": "metres: distance between the object's centroid in the hand's base frame after "
-    "closing and after the lift, or when the trial was stopped early; NaN if blocked or unstable",
+    "closing and after the lift, or when the trial was stopped early; NaN if blocked, collided or "
+    "unstable",
+    "short_m": "metres: how far short of its goal the hand was at the end of the approach, or "
+    "where it stopped; NaN by the paper's protocol and if blocked",
+    "force_n": "newtons: largest net force on the hand that lasted on the approach; NaN as short_m",
+    "hit": "what exerted the larger part of that force: `object` or `table`; null if nothing",
     "simulated_s": "seconds of simulated time",
     "computed_s": "computing time, seconds; the only column that differs between equal campaigns",
     "steps": "number of simulation steps",
@@ -152,4 +158,12 @@ def _settings(setups: Iterable[Mapping[str, Any]]) -> Iterable[str]:
             seen.append(setup["settings"])
     for settings in seen:
         yield "## Settings of a trial"
+        watched = "contact_s" in settings
+        yield (
+            "Protocol: robot. A trial ends as `collided` when the hand meets something on the "
+            "approach."
+            if watched
+            else "Protocol: paper. The arm presses on, whatever the hand meets on the approach."
+        )
+        yield ""
         yield table(["setting", "value"], ([f"`{k}`", v] for k, v in settings.items()))

@@ -90,7 +90,7 @@ def load_setups(
     requests: TrialRequests,
     grasps: GraspTable,
     *,
-    settings: TrialSettings | None = None,
+    settings: TrialSettings | Mapping[str, TrialSettings] | None = None,
     bop_dirs: BopDirectories | None = None,
     catalogue: Catalogue | None = None,
     grippers: Mapping[str, Gripper] | None = None,
@@ -104,7 +104,8 @@ def load_setups(
     grasps
         The reference grasps.
     settings
-        How the trials are run; the defaults if None.
+        How the trials are run, for all grippers or by gripper's name; the robot's protocol with
+        the limits of each gripper if None.
     bop_dirs, catalogue
         As for :func:`~graspcast.simulation.objects.load.load_object`.
     grippers
@@ -128,12 +129,14 @@ def load_setups(
     }
     custom = grippers or {}
     hands = {g: custom[g] if g in custom else load_gripper(g) for _, g in references}
+    if settings is None:
+        settings = {name: TrialSettings.robot(hand) for name, hand in hands.items()}
     return {
         (name, gripper): TrialSetup(
             grasp_object=reference.applied_to(objects[name]),
             gripper=hands[gripper],
             grasp=reference.grasp,
-            settings=settings or TrialSettings(),
+            settings=settings[gripper] if isinstance(settings, Mapping) else settings,
         )
         for (name, gripper), reference in references.items()
     }

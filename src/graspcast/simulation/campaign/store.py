@@ -38,6 +38,9 @@ COLUMNS = {
     "success": pl.Boolean,
     "reason": pl.String,
     "offset_m": pl.Float64,
+    "short_m": pl.Float64,
+    "force_n": pl.Float64,
+    "hit": pl.String,
     "simulated_s": pl.Float64,
     "computed_s": pl.Float64,
     "steps": pl.Int64,
@@ -46,6 +49,9 @@ COLUMNS = {
     "mujoco": pl.String,
 }
 """The columns of a campaign's outcomes, in order."""
+
+_ADDED: dict[str, float | None] = {"short_m": float("nan"), "force_n": float("nan"), "hit": None}
+"""Columns that outcomes of earlier versions lack, and their values by the paper's protocol."""
 
 MANIFEST, SHARDS, OUTCOMES = "manifest.json", "shards", "outcomes.parquet"
 _MOST_SHARDS = 500
@@ -107,7 +113,9 @@ class Store:
         self._tidy()
 
     def _check_same(self, manifest: Mapping[str, Any]) -> None:
-        mine, other = self.manifest["configuration"], manifest["configuration"]
+        # By the paper's protocol, which was the only one once, a configuration does not name it.
+        unnamed = {"protocol": "paper"}
+        mine, other = (unnamed | m["configuration"] for m in (self.manifest, manifest))
         changed = [k for k in {**mine, **other} if mine.get(k) != other.get(k)]
         if changed:
             differences = ", ".join(
@@ -203,6 +211,10 @@ def _read(path: Path) -> pl.DataFrame:
         raise FormatError(
             path, f"is damaged ({error.problem}); remove it, and its trials are run again"
         ) from error
+    if not set(_ADDED) & set(part.columns):
+        added = (pl.lit(value, COLUMNS[name]).alias(name) for name, value in _ADDED.items())
+        known = [name for name in COLUMNS if name in (*part.columns, *_ADDED)]
+        part = part.with_columns(added).select(known)
     if dict(part.schema) != COLUMNS:
         raise FormatError(path, f"should have the columns {', '.join(COLUMNS)}")
     return part

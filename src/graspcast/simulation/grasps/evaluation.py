@@ -12,7 +12,7 @@ from graspcast.simulation.grasps.sampling import LabelledTrials
 from graspcast.simulation.grasps.table import ReferenceGrasp
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import Grasp, GraspObject
-from graspcast.simulation.trial.trial import TrialRunner
+from graspcast.simulation.trial.trial import TrialRunner, TrialSettings
 
 __all__ = ["evaluate_grasp", "held_under_jitter", "simulate_success"]
 
@@ -36,8 +36,13 @@ def simulate_success(
 
 
 def evaluate_grasp(
-    reference: ReferenceGrasp, grasp_object: GraspObject, gripper: Gripper, trials: LabelledTrials
+    reference: ReferenceGrasp,
+    grasp_object: GraspObject,
+    gripper: Gripper,
+    trials: LabelledTrials,
+    *,
+    settings: TrialSettings | None = None,
 ) -> Agreement:
     """Return the agreement of simulated with observed outcomes, over all trials at full length."""
-    runner = TrialRunner(reference.applied_to(grasp_object), gripper)
+    runner = TrialRunner(reference.applied_to(grasp_object), gripper, settings)
     return agreement(simulate_success(runner, reference.grasp, trials), trials.success)

@@ -162,7 +162,7 @@ def fit_grasp(
         Whether a grasp must hold a perfect estimate. If trials with nearly no error failed, no such
         grasp can agree with them.
     settings
-        How the trials are run; the search shortens the lift to 3 s.
+        How the trials are run; the robot's protocol if None. The search shortens the lift to 3 s.
     progress
         Called with the share done and a short message.
 
@@ -179,7 +179,7 @@ def fit_grasp(
                 "trials, write a grasp by hand in a TOML file",
                 parameters=("outcomes",),
             )
-    chosen = settings or TrialSettings()
+    chosen = settings or TrialSettings.robot(gripper)
     search = _Search(grasp_object, gripper, train, seed, require_perfect_hold, chosen, progress)
     return search.run(validation, effort or SearchEffort(), start)
 

@@ -15,13 +15,17 @@
 
     [equilibrium]                  # optional, see grippers.protocol.Equilibrium
     limit_s = 3.0
+
+    [approach]                     # optional, see grippers.protocol.ApproachLimits
+    force_n = 25.0
+    short_m = 0.003
 """
 
 from __future__ import annotations
 
 import re
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -34,7 +38,7 @@ from graspcast.io.reading import MAX_TEXT_BYTES, check_regular, read_bytes
 from graspcast.io.toml import TomlTable, read_toml
 from graspcast.pose.transforms import transform
 from graspcast.simulation.grippers.dimensions import size_problem
-from graspcast.simulation.grippers.protocol import Closing, Equilibrium
+from graspcast.simulation.grippers.protocol import ApproachLimits, Closing, Equilibrium
 from graspcast.simulation.mujoco_messages import compile_spec, one_line, quiet_mujoco
 
 __all__ = ["MjcfGripper"]
@@ -51,6 +55,7 @@ class MjcfGripper:
     closing: Closing
     equilibrium: Equilibrium
     self_collision: bool
+    approach: ApproachLimits = field(default_factory=ApproachLimits)
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> MjcfGripper:
@@ -83,6 +88,7 @@ class MjcfGripper:
         _check_actuators(path, model, [a.name for a in spec.actuators], closing)
         _check_commands(path, compiled, closing)
         equilibrium = table.take("equilibrium", dict, {})
+        approach = table.take("approach", dict, {})
         name = str(table.take("name", str))
         if not name.strip():
             raise table.error("name", "is empty; outcomes and grasps refer to the gripper by it")
@@ -94,6 +100,7 @@ class MjcfGripper:
             closing=closing,
             equilibrium=_section(path, "equilibrium", Equilibrium, equilibrium),
             self_collision=table.take("self_collision", bool, False),
+            approach=_section(path, "approach", ApproachLimits, approach),
         )
         table.nothing_else()
         if problem := size_problem(compiled, gripper.max_opening_m):

@@ -14,12 +14,14 @@ from graspcast.errors import InputError
 from graspcast.io.hashing import canonical_json, sha256
 from graspcast.pose.lengths import Reference, unit_problem
 
-__all__ = ["Closing", "Equilibrium", "Gripper", "gripper_digest"]
+__all__ = ["ApproachLimits", "Closing", "Equilibrium", "Gripper", "gripper_digest"]
 
 LONGEST_S = 60.0
 """Longest time that a hand may take to close, or to come to rest."""
 
 _MOTIONS = Reference("a hand at rest moves by less than 10 mm", 0.0, 0.01, (1e-6, 2e-3))
+_SHORT = Reference("an arm approaches from less than 2 m", 0.0, 2.0, (5e-4, 0.1))
+_MOST_N = 1e6
 _LEVERS = Reference("fingers are shorter than 1 m", 0.0, 1.0, (5e-3, 0.3))
 
 
@@ -93,9 +95,38 @@ class Equilibrium:
                 raise InputError(problem)
 
 
+@dataclass(frozen=True)
+class ApproachLimits:
+    """Limits on the approach that a gripper sets in place of those of the trial's settings.
+
+    Attributes
+    ----------
+    force_n
+        Contact force on the hand above which the arm stops, newtons; None for the default.
+    short_m
+        Distance by which the hand may stop short of its goal, metres; None for the default.
+    """
+
+    force_n: float | None = None
+    short_m: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            if value is not None and not 0 < value <= _MOST_N:
+                raise InputError(
+                    f"approach {name} is {value}; it must be above zero, at most {_MOST_N:g}"
+                )
+        if self.short_m is not None and (
+            problem := unit_problem("approach short_m", self.short_m, _SHORT, unit="m")
+        ):
+            raise InputError(problem)
+
+
 @runtime_checkable
 class Gripper(Protocol):
     """Gripper: model, mounting, tool centre point and commands.
+
+    A gripper may also have ``approach``, its :class:`ApproachLimits`.
 
     :func:`graspcast.simulation.trial.gripper_conformance.check_gripper` checks an implementation.
     """

@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from graspcast.simulation.trial.scene import Contacts, Scene
 
-__all__ = ["HoldMonitor", "left_behind_offset_m", "out_of_reach"]
+__all__ = ["HoldMonitor", "above_table", "left_behind_offset_m", "out_of_reach"]
 
 _AT_REST = 2e-3
 _CLEARANCE_M = 0.01
@@ -38,6 +38,12 @@ def out_of_reach(scene: Scene, start: Float[ndarray, " 3"], end: Float[ndarray, 
     nearest = np.clip((centre[:2] - start[:2]) @ along / length, 0.0, 1.0) if length > 0 else 0.0
     sideways = float(np.linalg.norm(centre[:2] - start[:2] - nearest * along))
     return bool(sideways > reach or min(start[2], end[2]) - centre[2] > reach)
+
+
+def above_table(scene: Scene, start: Float[ndarray, " 3"], end: Float[ndarray, " 3"]) -> bool:
+    """Return whether the hand can never touch the table on its path from ``start`` to ``end``."""
+    lowest = min(start[2], end[2]) - scene.hand_reach_m - _CLEARANCE_M
+    return bool(lowest > 0.0) or not scene.settings.hand_touches_table
 
 
 def left_behind_offset_m(

@@ -263,6 +263,11 @@ def _holds(gripper: Gripper, bench: dict[str, Any]) -> str:
             f"a column of {1e3 * width:.0f} mm moved by {1e3 * outcome.offset_m:.1f} mm in the "
             f"hand; {press}"
         )
+    if outcome.stop:
+        raise UnmetError(
+            f"the hand {outcome.stop}, on the way to a column of {1e3 * width:.0f} mm: does it "
+            "open when told to, and is the TCP between the fingertips, its z out along the fingers?"
+        )
     what = (
         f"a column of {1e3 * width:.0f} mm and {column.mass_kg:g} kg, grasped without error, was "
         f"{outcome.reason} (offset {1e3 * outcome.offset_m:.0f} mm)"

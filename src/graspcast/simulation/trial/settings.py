@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from graspcast.errors import InputError
 from graspcast.io.hashing import canonical_json, sha256
 from graspcast.pose.lengths import Reference, unit_problem
+from graspcast.simulation.grippers.protocol import ApproachLimits, Gripper
 
-__all__ = ["TrialSettings"]
+__all__ = ["PROTOCOLS", "Protocol", "TrialSettings"]
+
+Protocol = Literal["robot", "paper"]
+PROTOCOLS: tuple[Protocol, ...] = ("robot", "paper")
 
 _LENGTHS = {
     "standoff_m": Reference("an arm approaches from less than 2 m", 0.0, 2.0, (0.01, 0.5)),
     "tolerance_m": Reference("a hand grasps objects of up to 1 m", 0.0, 1.0, (0.005, 0.3)),
     "overlap_m": Reference("a hand grasps objects of up to 1 m", 0.0, 0.1, (0.0, 0.01)),
+    "short_m": Reference("an arm approaches from less than 2 m", 0.0, 2.0, (5e-4, 0.1)),
     "torsion_m": Reference("a patch of contact is smaller than 0.1 m", 0.0, 0.1, (0.0, 0.02)),
 }
 _MOST = {
     **{"approach_speed": 10.0, "lift_speed": 10.0, "lift_s": 600.0, "settle_s": 60.0},
     **{"timestep": 0.05, "arm_force_n": 1e6},
+    **{"contact_force_n": 1e6, "contact_s": 10.0},
 }
+_OF_CONTACT = ("contact_force_n", "contact_s", "short_m")
 
 
 @dataclass(frozen=True)
@@ -29,6 +36,11 @@ class TrialSettings:
 
     The lift time is from the paper and the tolerance (5 cm) from the authors' release; the other
     values are choices of this project.
+
+    There are two protocols. By the *robot's*, the default, a trial ends as ``collided`` when the
+    hand meets something on the approach; its limits are ``contact_force_n``, ``contact_s`` and
+    ``short_m``. By the *paper's*, :meth:`paper`, the arm presses on, and the hand closes wherever
+    it has come to; with it the published outcomes are reproduced.
 
     Attributes
     ----------
@@ -48,6 +60,19 @@ class TrialSettings:
         Pause between the end of the approach and the start of closing.
     arm_force_n
         Largest force with which the arm pushes the hand along its approach.
+    contact_force_n
+        On the approach the arm stops if the net force of contacts on the hand is above this,
+        newtons; None for no limit. The default, a choice, is twice the 20 N at which libfranka's
+        examples and franka_ros let a Franka arm stop, and less than half of the 100 N to which the
+        manual of the UR5e limits that arm in recovery mode (with an accuracy of 25 N). An object of
+        1 kg that is pushed aside resists with less than 10 N.
+    contact_s
+        Time for which the force must last, seconds, so that the blow of the first touch, which
+        fades within 20 ms, does not count.
+    short_m
+        The arm has also collided if at the end of the approach the hand is farther than this from
+        its goal, metres; None for no limit. It matters where the arm is weaker than
+        ``contact_force_n``.
     overlap_m
         The trial is blocked if the open hand starts deeper than this in object or table.
     hand_touches_table
@@ -83,6 +108,9 @@ class TrialSettings:
     tolerance_m: float = 0.05
     settle_s: float = 0.1
     arm_force_n: float = 100.0
+    contact_force_n: float | None = 40.0
+    contact_s: float = 0.05
+    short_m: float | None = 0.005
     overlap_m: float = 0.001
     hand_touches_table: bool = True
     timestep: float = 0.002
@@ -101,16 +129,25 @@ class TrialSettings:
         for name in (*positive, "arm_force_n", "timestep", "impratio", "iterations"):
             if not getattr(self, name) > 0:
                 raise InputError(f"trial setting {name} is {getattr(self, name)}; it must be > 0")
-        for name in ("settle_s", "lift_ramp_s", "overlap_m", "noslip_iterations", "torsion_m"):
+        for name in ("contact_force_n", "short_m"):
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise InputError(
+                    f"trial setting {name} is {value}; it must be > 0, or None for no limit"
+                )
+        not_negative = ("contact_s", "settle_s", "lift_ramp_s", "overlap_m", "noslip_iterations")
+        for name in (*not_negative, "torsion_m"):
             if not getattr(self, name) >= 0:
                 raise InputError(f"trial setting {name} is {getattr(self, name)}; it must be >= 0")
         for name, limit in _LENGTHS.items():
+            if getattr(self, name) is None:
+                continue
             if problem := unit_problem(
                 f"trial setting {name}", getattr(self, name), limit, unit="m"
             ):
                 raise InputError(problem)
         for name, most in _MOST.items():
-            if not getattr(self, name) <= most:
+            if getattr(self, name) is not None and not getattr(self, name) <= most:
                 raise InputError(
                     f"trial setting {name} is {getattr(self, name)}; it must be at most {most:g}"
                 )
@@ -127,15 +164,57 @@ class TrialSettings:
                 f"it must be more than twice the tolerance of {self.tolerance_m} m"
             )
 
+    @classmethod
+    def robot(
+        cls,
+        gripper: Gripper | None = None,
+        *,
+        contact_force_n: float | None = None,
+        short_m: float | None = None,
+    ) -> TrialSettings:
+        """Return the robot's protocol, with the limits of a gripper where it states them.
+
+        Parameters
+        ----------
+        gripper
+            The gripper; its ``approach``, if it has one, replaces the defaults.
+        contact_force_n, short_m
+            Limits that replace both.
+        """
+        own = getattr(gripper, "approach", None) or ApproachLimits()
+        default = cls()
+        return replace(
+            default,
+            contact_force_n=_first(contact_force_n, own.force_n, default.contact_force_n),
+            short_m=_first(short_m, own.short_m, default.short_m),
+        )
+
+    @classmethod
+    def paper(cls) -> TrialSettings:
+        """Return the paper's protocol: the arm presses on, whatever the hand meets."""
+        return cls(contact_force_n=None, short_m=None)
+
+    @property
+    def protocol(self) -> Protocol:
+        """``"robot"`` if a limit on the approach is set, else ``"paper"``."""
+        return "paper" if self.contact_force_n is None and self.short_m is None else "robot"
+
     @property
     def lift_height_m(self) -> float:
         """Height of the lift, metres."""
         return self.lift_speed * (self.lift_s - 0.5 * self.lift_ramp_s)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all settings as a dictionary for JSON."""
-        return asdict(self)
+        """Return the settings that trials depend on, as a dictionary for JSON."""
+        # Without limits the approach is not watched, and the digest is as it was before them.
+        unused = _OF_CONTACT if self.protocol == "paper" else ()
+        return {name: value for name, value in asdict(self).items() if name not in unused}
 
     def digest(self) -> str:
         """Return the SHA-256 of all settings, as hex."""
         return sha256(canonical_json(self.as_dict()))
+
+
+def _first(*values: float | None) -> float | None:
+    """Return the first value that is given."""
+    return next((value for value in values if value is not None), None)

@@ -6,8 +6,7 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -19,18 +18,19 @@ from graspcast.io.hashing import sha256
 from graspcast.pose.transforms import compose, invert
 from graspcast.simulation.grippers.protocol import Gripper, gripper_digest
 from graspcast.simulation.objects.types import ConvexPiece, Grasp, GraspObject, check_rigid
+from graspcast.simulation.trial.collision import SAMPLE_S, Approach, CollisionMonitor
 from graspcast.simulation.trial.early_stopping import (
     HoldMonitor,
+    above_table,
     left_behind_offset_m,
     out_of_reach,
 )
+from graspcast.simulation.trial.outcome import REASONS, Outcome, Reason
 from graspcast.simulation.trial.scene import Scene, build_scene
 from graspcast.simulation.trial.settings import TrialSettings
 
 __all__ = ["REASONS", "Outcome", "Reason", "Record", "TrialRunner", "TrialSettings"]
 
-Reason = Literal["held", "dropped", "slipped", "missed", "blocked", "unstable"]
-REASONS: tuple[Reason, ...] = ("held", "dropped", "slipped", "missed", "blocked", "unstable")
 Record = Callable[[Any, Any, str], None]
 """Called as ``record(model, data, phase)`` before the first step and about every 20 ms of a trial.
 
@@ -39,40 +39,6 @@ The phases are "approach", "close" and "lift". The state must not be changed.
 
 _SWEEP_M = 0.002
 _COMMAND_S, _CHECK_S, _RECORD_S = 0.02, 0.1, 0.02
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Outcome of a trial.
-
-    Attributes
-    ----------
-    success
-        Whether the object stayed within the tolerance of its place in the hand.
-    reason
-        ``held`` for a success. Failures: ``blocked``, the open hand would start in the object or
-        the table; ``missed``, fewer than two parts of the closed hand touched the object, and none
-        does at the end; ``dropped``, at least two did, but none at the end; ``slipped``, the hand
-        touches the object at the end, but it has moved too far; ``unstable``, the simulation
-        diverged.
-    offset_m
-        Distance between the object's centroid in the hand's base frame after closing and after the
-        lift, metres. After early stopping: the distance at that time if the object is in the hand,
-        the distance at the end of the full lift if it is left behind. NaN if blocked or unstable.
-    simulated_s
-        Simulated time, seconds.
-    computed_s
-        Computing time, seconds; the only field that differs between equal trials.
-    steps
-        Number of simulation steps.
-    """
-
-    success: bool
-    reason: Reason
-    offset_m: float
-    simulated_s: float
-    computed_s: float
-    steps: int
 
 
 class TrialRunner:
@@ -88,7 +54,7 @@ class TrialRunner:
     gripper
         The gripper.
     settings
-        How the trials are run; the defaults if None.
+        How the trials are run; the robot's protocol with the gripper's limits if None.
 
     Attributes
     ----------
@@ -113,7 +79,7 @@ class TrialRunner:
     ):
         self.grasp_object = grasp_object
         self.gripper = gripper
-        self.settings = settings or TrialSettings()
+        self.settings = settings or TrialSettings.robot(gripper)
         self.mujoco_version: str = mujoco.__version__
         self.scene = build_scene(grasp_object, gripper, self.settings)
         self.digest = _digest(grasp_object, gripper, self.settings)
@@ -181,6 +147,7 @@ class _Trial:
         self.phase = "approach"
         self.closing_s = 0.0
         self.steps = 0
+        self.approach: Approach | None = None
 
     def run(self, sim_T_base: Float[ndarray, "4 4"]) -> Outcome:
         started = time.perf_counter()
@@ -195,6 +162,7 @@ class _Trial:
             simulated_s=self.steps * self.settings.timestep,
             computed_s=time.perf_counter() - started,
             steps=self.steps,
+            **({} if self.approach is None else self.approach._asdict()),
         )
 
     def _phases(self, sim_T_base: Float[ndarray, "4 4"]) -> tuple[bool, Reason, float]:
@@ -205,16 +173,24 @@ class _Trial:
             return False, "blocked", math.nan
         end = sim_T_base[:3, 3]
         start = end - settings.standoff_m * sim_T_base[:3, :3] @ self.gripper.base_T_tcp[:3, 2]
-        if self.early_stop and out_of_reach(scene, start, end):
+        watched = settings.protocol == "robot"
+        self.approach = Approach() if watched else None
+        never = self.early_stop and out_of_reach(scene, start, end)
+        # A hand that never comes near the object may still meet the table.
+        if never and not (watched and not above_table(scene, start, end)):
             return False, "missed", settings.lift_height_m
-        self._approach()
+        if self._approach(CollisionMonitor(scene) if watched else None):
+            return False, "collided", math.nan
+        if never:
+            return False, "missed", settings.lift_height_m
         self._close()
         return self._lift()
 
-    def _approach(self) -> None:
+    def _approach(self, monitor: CollisionMonitor | None) -> bool:
         """Move to the grasp, open-loop; simulate only the part where contact is possible.
 
         Before that the object rests and the hand is rigid, so simulating it would change nothing.
+        Return whether the monitor found a collision.
         """
         scene, data, model = self.scene, self.data, self.model
         for name, value in self.closing.open.items():
@@ -222,7 +198,7 @@ class _Trial:
         entry = self._clear_until()
         scene.move_hand(entry)
         if entry == 0.0:
-            return
+            return False
         servo = model.actuator("approach").id
         speed = self.settings.approach_speed
         # In steady motion the servo's set point leads by the lag that its damping causes.
@@ -230,8 +206,25 @@ class _Trial:
         data.act[model.actuator_actadr[servo]] = entry + lag
         data.qvel[model.jnt_dofadr[model.joint("approach").id]] = speed
         data.ctrl[servo] = speed
-        self._advance(-entry / speed + self.settings.settle_s)
+        seconds = -entry / speed + self.settings.settle_s
+        if monitor is None:
+            self._advance(seconds)
+        else:
+            self._advance_watched(seconds, monitor)
         self._check_stable()
+        return monitor is not None and monitor.collided()
+
+    def _advance_watched(self, seconds: float, monitor: CollisionMonitor) -> None:
+        """Simulate some time of the approach, or until the monitor stops the arm."""
+        left = round(seconds / self.settings.timestep)
+        every = max(1, round(SAMPLE_S / self.settings.timestep))
+        stopped = False
+        while left > 0 and not stopped:
+            count = min(every, left)
+            self._advance_steps(count)
+            left -= count
+            stopped = monitor.should_stop(self.steps * self.settings.timestep)
+        self.approach = monitor.result()
 
     def _clear_until(self) -> float:
         """Return a place on the approach (metres, at most 0) up to which the open hand is clear."""
@@ -319,8 +312,11 @@ class _Trial:
         return False, "dropped" if gripped else "missed", offset
 
     def _advance(self, seconds: float) -> None:
-        """Simulate some time; if recorded, the same steps in shorter intervals."""
-        steps = round(seconds / self.settings.timestep)
+        """Simulate some time."""
+        self._advance_steps(round(seconds / self.settings.timestep))
+
+    def _advance_steps(self, steps: int) -> None:
+        """Simulate some steps; if recorded, the same ones in shorter intervals."""
         interval = steps
         if self.record is not None:
             interval = max(1, round(_RECORD_S / self.settings.timestep))
