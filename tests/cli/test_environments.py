@@ -84,6 +84,7 @@ def test_little_address_space(tmp_path: Path, limit: str) -> None:
     assert (tmp_path / "out" / "outcomes.parquet").exists()
 
 
+@pytest.mark.slow
 def test_a_campaign_needs_no_semaphores(tmp_path: Path) -> None:
     """Which need /dev/shm."""
     (tmp_path / "site").mkdir()

@@ -74,6 +74,7 @@ def test_flipping_test_outcomes_changes_no_prediction(benchmark: Benchmark, prot
         assert_array_equal(method(second), method(first))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_every_method_answers_every_protocol(benchmark: Benchmark, protocol: str) -> None:
     shares: list[float] = []

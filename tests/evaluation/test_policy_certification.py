@@ -85,6 +85,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
     return replace(given, outcomes=pl.DataFrame(table, schema=names, orient="row"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("guide", ["fused", "best", "b"])
 def test_counts_are_those_of_running_the_policy_at_each_threshold(world: World, guide: str) -> None:
     settings = replace(SETTINGS, guide=guide)

@@ -38,6 +38,7 @@ def test_unseen_objects_are_forecast_by_one_model() -> None:
     assert [row.name for row in some] == ["2 views", "3 views", "5 views"]
 
 
+@pytest.mark.slow
 def test_differences_are_those_of_the_scores(found: dict[str, Any]) -> None:
     mine = found["several_views"]["scores"]["3 views"]["p"]
     views, single = mine["views"], mine["one view"]
@@ -46,6 +47,7 @@ def test_differences_are_those_of_the_scores(found: dict[str, Any]) -> None:
     assert difference["interval"][0] > 0
 
 
+@pytest.mark.slow
 def test_it_is_plain_json_and_markdown(found: dict[str, Any]) -> None:
     json.dumps(found, allow_nan=False)
     text = render_views(found)

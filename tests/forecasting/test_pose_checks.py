@@ -171,6 +171,7 @@ ODD = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.ill_typed
 @pytest.mark.parametrize("odd", ODD)
 @pytest.mark.parametrize("with_models", [True, False])

@@ -153,11 +153,13 @@ def run(folder: Path, script: str, *arguments: str, layer: str = "default") -> N
     assert done.returncode == 0, done.stderr[-2000:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layer", LAYERS)
 def test_eight_threads_at_once_get_what_one_gets(folder: Path, layer: str) -> None:
     run(folder, THREADS, layer=layer)
 
 
+@pytest.mark.slow
 @forks
 @pytest.mark.parametrize("layer", LAYERS)
 def test_twenty_children_get_what_their_parent_got(folder: Path, layer: str) -> None:
@@ -169,6 +171,7 @@ def test_children_of_a_parent_that_is_busy(folder: Path) -> None:
     run(folder, FORK_WHILE_BUSY)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["spawn", pytest.param("fork", marks=slow)])
 def test_pools_of_processes(folder: Path, way: str) -> None:
     if way == "fork" and not hasattr(os, "fork"):
