@@ -91,6 +91,7 @@ def main() -> None:
             cpu[i].append(time.thread_time() - used)
             wall[i].append(time.perf_counter() - started)
             said[i][str(verdict)] += 1
+    print(f"{len(wall[0])} episodes")
     for i, counts in enumerate(said):
         times = [f"p{p} {1e3 * np.percentile(wall[i], p):.1f}" for p in (50, 99)]
         mine = f"{1e3 * np.percentile(cpu[i], 50):.1f}"

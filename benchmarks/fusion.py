@@ -17,7 +17,7 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 from numpy import ndarray
@@ -160,9 +160,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         options.noise_mm = []
     rows = [measured.row(name, table) for name, table in results.items()]
     for views in options.views:
-        start = perf_counter()
+        start = process_time()
         out = fused(results, views)
-        print(f"{views} views: {perf_counter() - start:.1f} s; " + "; ".join(out.summary()))
+        took = process_time() - start
+        each = took / len(out.instances) * 1e3
+        print(f"{views} views: {took:.1f} s of processor time, {each:.1f} ms an instance")
+        print("; ".join(out.summary()))
         rows.append(measured.row(f"all, up to {views} views", out.results, out))
         if views > 1:
             full = selected(out, out.gathered.present.any(axis=2).sum(axis=1) == views)
