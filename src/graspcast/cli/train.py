@@ -48,15 +48,7 @@ def add(verbs: Verbs) -> None:
     )
     verb.add_argument("--gripper", metavar="NAME", required=True, help="gripper of the outcomes")
     add_outcomes(verb, required=False)
-    verb.add_argument(
-        "--learn-from",
-        metavar="NAME",
-        action="append",
-        default=[],
-        help="an estimator whose outcomes teach how pose errors make grasps fail (success given "
-        "error of blend and two-stage), but that the model does not need afterwards; may be "
-        "repeated; one estimator is left with camera poses, or two or more",
-    )
+    _add_learned(verb)
     verb.add_argument(
         "--simulated",
         metavar="DIR",
@@ -96,6 +88,18 @@ def add(verbs: Verbs) -> None:
     )
     add_out(verb, "the model's file (npz)")
     add_json(verb)
+
+
+def _add_learned(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument(
+        "--learn-from",
+        metavar="NAME",
+        action="append",
+        default=[],
+        help="an estimator whose outcomes teach how pose errors make grasps fail (success given "
+        "error of blend and two-stage), but that the model does not need afterwards; may be "
+        "repeated; one estimator is left with camera poses, or two or more",
+    )
 
 
 def _add_forest_options(verb: argparse.ArgumentParser) -> None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError, UnknownNameError
+from graspcast.estimates.alignment import Estimates
+from graspcast.forecasting.pose_checks import refuse_most
 
 __all__ = ["LearnedOutcomes", "check_names"]
 
@@ -81,6 +84,18 @@ class LearnedOutcomes:
     def counts(self, truth: Float[ndarray, "n 4 4"]) -> dict[str, int]:
         """Return each estimator's number of :meth:`usable` outcomes."""
         return dict(zip(self.estimators, self.usable(truth).sum(axis=1).tolist(), strict=True))
+
+    def refuse_most(self, estimates: Estimates, models: Mapping[str, Models] | None) -> None:
+        """Raise if one of the estimators has no sane pose of one instance in ten, or more.
+
+        Raises
+        ------
+        InputError
+            As :func:`graspcast.forecasting.pose_checks.refuse_most`.
+        """
+        for name, poses in zip(self.estimators, self.cam_T_obj, strict=True):
+            mine = replace(estimates, estimators=(name,), cam_T_obj=poses[None], seen={})
+            refuse_most(mine.select(np.isfinite(poses).all(axis=(1, 2))), models)
 
     def check(self, truth: Float[ndarray, "n 4 4"], gripper: str) -> None:
         """Raise if there is nothing to learn from one of the estimators.

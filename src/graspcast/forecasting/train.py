@@ -156,14 +156,10 @@ def fit_forecaster(
     if method not in _METHODS:
         raise UnknownNameError("method", method, _METHODS, parameters=("method",))
     training_data = training_data.learning_from(*learn_from)
-    if training_data.learned is not None:
-        check_learned(
-            training_data.learned.estimators,
-            training_data.principal,
-            method,
-            alone=len(training_data.estimates.estimators) == 1,
-            views=training_data.views is not None,
-        )
+    if (learned := training_data.learned) is not None:
+        alone, views = len(training_data.estimates.estimators) == 1, training_data.views is not None
+        whose = learned.estimators, training_data.principal
+        check_learned(*whose, method, alone=alone, views=views)
     in_order = sorted(training_data.estimates.estimators)  # whatever the order they are given in
     scope = _scope(training_data.only(*in_order), method)
     data = scope.data
@@ -179,7 +175,8 @@ def fit_forecaster(
         pools, scales = method == "MLP-O", features == "rich"
         used = replace(settings or NetworkSettings(), pools_objects=pools, standardise=scales)
     refuse_most(data.estimates, models)
-    _refuse_most_learned(data, models)
+    if data.learned is not None:
+        data.learned.refuse_most(data.estimates, models)
     if learns_alone(data) and data.views is None:
         return _fit_alone(scope, used, models or {}, progress)
     if method in _FORESTS:
@@ -193,15 +190,6 @@ def fit_forecaster(
     else:
         predictor = NetworkEnsemble.fit(values, success, numbers, used, progress=progress)
     return _assembled(data, card, predictor, values)
-
-
-def _refuse_most_learned(data: TrainingData, models: Mapping[str, Models] | None) -> None:
-    """Raise if most poses of an estimator that is only learned from cannot be."""
-    if (learned := data.learned) is None:
-        return
-    for name, poses in zip(learned.estimators, learned.cam_T_obj, strict=True):
-        given = replace(data.estimates, estimators=(name,), cam_T_obj=poses[None], seen={})
-        refuse_most(given.select(np.isfinite(poses).all(axis=(1, 2))), models)
 
 
 def _fit_alone(
