@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from commands import refused
-from graspcast.bop.results import write_results
+from graspcast.bop.results import read_results, write_results
 from graspcast.cli import main
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.guarantees.certificate import Certificate
@@ -216,3 +216,66 @@ def test_what_does_not_fit_is_told(
     given = ["train", *inputs(folder), "--principal", "a", "--gripper", "parallel", *poses]
     given += ["--outcomes", str(folder / "outcomes.csv"), "--out", str(tmp_path / "y.npz")]
     assert "does not forecast with several views" in refused([*given, "--method", "direct"], capsys)
+
+
+def test_one_estimator_learns_from_outcomes_of_others_and_needs_none_of_them(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    poses = ("--camera-poses", str(folder / "cameras.csv"))
+    learned = ("--learn-from", "c", "--learn-from", "b")
+    model, own = tmp_path / "model.npz", tmp_path / "own.npz"
+    assert train(folder, model, *poses, *learned) == 0
+    out, err = capsys.readouterr()
+    count = SCENES * len(CAMERAS) * 2
+    assert f"beside the principal's: {count} outcomes of b, {count} outcomes of c" in err
+    assert "a alone, one or more views" in out
+    assert f"{count} samples, {count} of b, {count} of c" in out
+    assert Forecaster.load(model).card.estimators == ("a",)
+    assert train(folder, own, *poses, names=("a",)) == 0
+    looks = (*poses, "--views-from", "all")
+    better = predict(folder, model, *looks, names=("a",))
+    plain = predict(folder, own, *looks, names=("a",))
+    assert {row["views"] for row in better} == {"3"}
+    assert [r["probability"] for r in better] != [r["probability"] for r in plain]
+
+
+def test_an_instance_that_another_did_not_find_is_learned_from_all_the_same(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = read_results(folder / "c_d-test.csv")
+    write_results(tmp_path / "c_d-test.csv", table.select(table.im_id > 0))
+    given = ["train", *inputs(folder, ("a", "b"))]
+    given += ["--estimates", f"c={tmp_path / 'c_d-test.csv'}", "--learn-from", "c"]
+    given += ["--principal", "a", "--gripper", "parallel", "--trees", "8", "--folds", "2"]
+    given += ["--outcomes", str(folder / "outcomes.csv"), "--out", str(tmp_path / "m.npz")]
+    assert main(given) == 0
+    out, err = capsys.readouterr()
+    count = SCENES * len(CAMERAS) * 2
+    assert f"{count} samples, {SCENES * (len(CAMERAS) - 1) * 2} of c" in out
+    assert "dropped" not in err
+    assert Forecaster.load(tmp_path / "m.npz").card.supporters == ("b",)
+
+
+def test_whom_nothing_can_be_learned_from_is_told(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def said(*more: str, outcomes: Path = folder / "outcomes.csv") -> str:
+        given = ["train", *inputs(folder), "--principal", "a", "--gripper", "parallel"]
+        given += ["--outcomes", str(outcomes), "--out", str(tmp_path / "m.npz")]
+        return refused([*given, *more], capsys)
+
+    text = said("--learn-from", "a")
+    assert "a is the principal" in text and "(see --learn-from, --principal)" in text
+    text = said("--learn-from", "d")
+    assert "unknown estimator 'd'; known: a, b, c (see --learn-from)" in text
+    text = said("--learn-from", "b", "--learn-from", "c")
+    assert "give camera poses" in text and "--camera-poses" in text
+    text = said("--learn-from", "c", "--method", "direct")
+    assert "the method direct learns nothing from outcomes of estimators that are not" in text
+    lines = (folder / "outcomes.csv").read_text().splitlines()
+    few = tmp_path / "few.csv"
+    few.write_text("\n".join(line for line in lines if not line.startswith("c,")))
+    text = said("--learn-from", "c", outcomes=few)
+    assert "nothing can be learned from c: no instance has an outcome" in text
+    assert "(see --learn-from, --outcomes)" in text
+    assert not (tmp_path / "m.npz").exists()

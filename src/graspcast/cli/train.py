@@ -48,6 +48,7 @@ def add(verbs: Verbs) -> None:
     )
     verb.add_argument("--gripper", metavar="NAME", required=True, help="gripper of the outcomes")
     add_outcomes(verb, required=False)
+    _add_learned(verb)
     verb.add_argument(
         "--simulated",
         metavar="DIR",
@@ -87,6 +88,18 @@ def add(verbs: Verbs) -> None:
     )
     add_out(verb, "the model's file (npz)")
     add_json(verb)
+
+
+def _add_learned(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument(
+        "--learn-from",
+        metavar="NAME",
+        action="append",
+        default=[],
+        help="an estimator whose outcomes teach how pose errors make grasps fail (success given "
+        "error of blend and two-stage), but that the model does not need afterwards; may be "
+        "repeated; one estimator is left with camera poses, or two or more",
+    )
 
 
 def _add_forest_options(verb: argparse.ArgumentParser) -> None:
@@ -182,9 +195,10 @@ def _train(options: argparse.Namespace) -> None:
     together = f" with {', '.join(card.supporters)}" if card.supporters else " alone"
     seen = ", one view" if card.method == ALONE else ""
     seen = ", one or more views" if data.views is not None else seen
+    more = "".join(f", {n} of {name}" for name, n in card.learned_from.items())
     print_text(
         f"{options.out}: {options.principal}{together}{seen}, {options.gripper} gripper, "
-        f"{len(card.objects)} objects{simulated}, {card.samples} samples"
+        f"{len(card.objects)} objects{simulated}, {card.samples} samples{more}"
     )
 
 
@@ -217,6 +231,7 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
 
     from graspcast.errors import InputError
     from graspcast.estimates.loading import load_outcomes
+    from graspcast.forecasting.learned_loading import load_learned
     from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
     from graspcast.forecasting.view_data import fuse_for_training
 
@@ -226,13 +241,14 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
             "were made, graspcast simulate gives a campaign's directory of them",
             parameters=("outcomes", "simulated"),
         )
-    several = len(inputs.estimators) > 1
+    needed = _needed(options, inputs)
+    several = len(needed) > 1
     if several and options.images:
         raise InputError(
             "images are looked at with one estimator alone: they add nothing to a consensus, so "
             "leave out --images, or the other estimators"
         )
-    estimates = inputs.estimates(options.principal)
+    estimates = inputs.estimates(options.principal, only=needed if options.learn_from else None)
     outcomes = load_outcomes(options.outcomes, estimates.estimators) if options.outcomes else None
     simulated = None
     if options.simulated:
@@ -248,6 +264,7 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
         inputs.notes.append(f"{untried} instances have no outcome")
     if truth is not None and (unknown := int((~data.has_truth).sum())):
         inputs.notes.append(f"{unknown} instances have no ground truth")
+    data = load_learned(inputs, data, outcomes, options.learn_from)
     if motions:
         if options.method not in ("blend", "two-stage"):
             raise InputError(
@@ -259,6 +276,19 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
         views = fuse_for_training(inputs, motions, estimates, options.principal, **rules)
         data = replace(data, views=views)
     return data
+
+
+def _needed(options: argparse.Namespace, inputs: Inputs) -> tuple[str, ...]:
+    """Return the estimators that the model will need, those that are only learned from left out."""
+    from graspcast.forecasting.learned_outcomes import check_names
+    from graspcast.forecasting.one_estimator import check_learned
+
+    check_names(options.learn_from, options.principal, inputs.estimators)
+    needed = tuple(name for name in inputs.estimators if name not in options.learn_from)
+    alone, views = len(needed) == 1, bool(options.camera_poses)
+    given = options.learn_from, options.principal, options.method
+    check_learned(*given, alone=alone, views=views)
+    return needed
 
 
 def _figure(value: float | int | None) -> str:

@@ -201,7 +201,8 @@ def _folds(
         own = groups[training_data.is_tried]
         parts = list(by_group(own, tried.objects, tried.own_success == 1, folds=folds, seed=seed))
     else:
-        if len(training_data.estimates.estimators) < 2:
+        needed = set(training_data.estimates.estimators).difference(options.get("learn_from", ()))
+        if len(needed) < 2:
             raise InputError(
                 "one estimator alone learns nothing of objects that are not in training, so these "
                 "cannot be scored; a consensus of two or more can",

@@ -63,6 +63,9 @@ class ModelCard:
         not.
     warnings
         What limits the use of this forecaster, as text: few outcomes, a single scene.
+    learned_from
+        Estimators that it does not need, from whose grasps success given error was learned too, and
+        how many outcomes of each.
     """
 
     principal: str
@@ -83,6 +86,7 @@ class ModelCard:
     diameters_m: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     views: dict[str, Any] = field(default_factory=dict)
+    learned_from: dict[str, int] = field(default_factory=dict)
 
     @property
     def estimators(self) -> tuple[str, ...]:
@@ -151,6 +155,7 @@ class ModelCard:
             Naming the entry that is missing, unknown or wrong.
         """
         known = [f.name for f in fields(cls)]
+        content = {_LATER: {}, **content}
         if set(content) != set(known):
             odd = ", ".join(sorted(set(content) ^ set(known)))
             raise ValueError(f"a model card has {', '.join(known)}; missing or unknown: {odd}")
@@ -158,8 +163,18 @@ class ModelCard:
         return cls(**values)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values, for JSON."""
-        return asdict(self)
+        """Return plain values, for JSON; without :attr:`learned_from` if that is nobody.
+
+        So files and digests of models that learn from no other estimator stay what they were.
+        """
+        out = asdict(self)
+        if not self.learned_from:
+            del out[_LATER]
+        return out
+
+
+_LATER = "learned_from"
+"""An entry that is left out where it is empty."""
 
 
 def digest_of(estimates: Estimates, *others: ndarray) -> str:
@@ -179,6 +194,10 @@ def _entry(name: str, kind: str, value: Any) -> Any:
             return float(value)
     elif kind == "int":
         if type(value) is int and value >= 0:
+            return value
+    elif kind == "dict[str, int]":
+        counts = list(value.values()) if isinstance(value, dict) else [-1]
+        if all(type(n) is int and n >= 0 for n in counts):
             return value
     elif kind == "dict[str, float]":
         numbers = list(value.values()) if isinstance(value, dict) else [0.0]

@@ -19,6 +19,7 @@ from graspcast.io.progress import Progress
 __all__ = [
     "ALONE",
     "check_alone",
+    "check_learned",
     "fit_alone",
     "learns_alone",
     "visibility_settings",
@@ -57,6 +58,47 @@ def check_alone(data: TrainingData, method: str) -> None:
             "one view of one estimator is forecast by what was seen where its grasps succeeded, so "
             "it takes their outcomes; simulated trials serve with two estimators or camera poses",
             parameters=("outcomes", "estimates", "camera_poses"),
+        )
+
+
+def check_learned(
+    names: Sequence[str], principal: str, method: str, *, alone: bool, views: bool
+) -> None:
+    """Raise if a method can learn nothing from the outcomes of further estimators.
+
+    Parameters
+    ----------
+    names
+        Estimators that are learned from, but not needed at run time.
+    principal
+        The estimator whose grasps are to be forecast.
+    method
+        Of the forecaster.
+    alone
+        Whether the principal is the only estimator at run time.
+    views
+        Whether there are poses fused from several views.
+
+    Raises
+    ------
+    InputError
+        Saying what would help.
+    """
+    if not names:
+        return
+    listed = ", ".join(names)
+    if method not in ("blend", "two-stage"):
+        raise InputError(
+            f"the method {method} learns nothing from outcomes of estimators that are not there at "
+            f"run time ({listed}); blend and two-stage do, by success given error",
+            parameters=("learn_from", "method"),
+        )
+    if alone and not views:
+        raise InputError(
+            f"one view of {principal} alone is forecast by what was seen where its own grasps "
+            f"succeeded, which outcomes of {listed} do not tell; they serve with several views of "
+            "it (give camera poses), or with a second estimator at run time",
+            parameters=("learn_from", "camera_poses", "estimates"),
         )
 
 

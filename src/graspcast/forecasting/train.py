@@ -29,6 +29,7 @@ from graspcast.forecasting.novelty import OOD_ALPHA, Novelty
 from graspcast.forecasting.one_estimator import (
     ALONE,
     check_alone,
+    check_learned,
     fit_alone,
     learns_alone,
     visibility_settings,
@@ -61,6 +62,7 @@ def train_forecaster(
     forests: ForestSettings | None = None,
     models: Mapping[str, Models] | None = None,
     guides: Sequence[str] | None = None,
+    learn_from: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Forecaster:
     """Train a forecaster for a principal, its supporters, a gripper and objects.
@@ -94,6 +96,12 @@ def train_forecaster(
     guides
         The estimators that may guide besides the principal, for the methods made of forests; by
         default all with ten or more outcomes, successes and failures among them.
+    learn_from
+        Estimators of the training data that are learned from, but not needed at run time
+        (:meth:`TrainingData.learning_from`): success given error, of ``blend`` and ``two-stage``,
+        is the same whichever estimator made the error, so the outcomes of grasps that these guided
+        teach it too. They are no supporters and no guides. With a single estimator left it serves
+        forecasts with several views.
     progress
         Called with the share of the work that is done and a message.
 
@@ -103,13 +111,17 @@ def train_forecaster(
         For an unknown method.
     InputError
         For fewer than ten tried instances, or only successes or only failures, unless there are
-        simulated trials; for a method or simulated trials that need ground truth without any.
+        simulated trials; for a method or simulated trials that need ground truth without any; for
+        estimators to learn from without outcomes or ground truth, or where they teach nothing.
 
     Warns
     -----
     TrainingDataWarning
         For few instances, or a single scene; the model card keeps the text.
     """
+    training_data = training_data.learning_from(*learn_from)
+    if training_data.learned is not None:
+        training_data.learned.check(training_data.truth, training_data.gripper)
     forecaster = fit_forecaster(
         training_data,
         method=method,
@@ -134,6 +146,7 @@ def fit_forecaster(
     forests: ForestSettings | None = None,
     models: Mapping[str, Models] | None = None,
     guides: Sequence[str] | None = None,
+    learn_from: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Forecaster:
     """Train a forecaster as :func:`train_forecaster` does, without Python warnings.
@@ -142,6 +155,11 @@ def fit_forecaster(
     """
     if method not in _METHODS:
         raise UnknownNameError("method", method, _METHODS, parameters=("method",))
+    training_data = training_data.learning_from(*learn_from)
+    if (learned := training_data.learned) is not None:
+        alone, views = len(training_data.estimates.estimators) == 1, training_data.views is not None
+        whose = learned.estimators, training_data.principal
+        check_learned(*whose, method, alone=alone, views=views)
     in_order = sorted(training_data.estimates.estimators)  # whatever the order they are given in
     scope = _scope(training_data.only(*in_order), method)
     data = scope.data
@@ -157,6 +175,8 @@ def fit_forecaster(
         pools, scales = method == "MLP-O", features == "rich"
         used = replace(settings or NetworkSettings(), pools_objects=pools, standardise=scales)
     refuse_most(data.estimates, models)
+    if data.learned is not None:
+        data.learned.refuse_most(data.estimates, models)
     if learns_alone(data) and data.views is None:
         return _fit_alone(scope, used, models or {}, progress)
     if method in _FORESTS:
@@ -295,6 +315,9 @@ def _card(
     seen = () if data.views is None else (data.views.statistics, data.views.cam_T_fused)
     if features == ONE_VIEW_FEATURES:
         seen = (*seen, *data.estimates.seen.values())
+    if (learned := data.learned) is not None:
+        errors = () if learned.obj_T_est is None else (learned.obj_T_est,)
+        seen = (*seen, learned.cam_T_obj, learned.success, *errors)
     return ModelCard(
         principal=data.principal,
         supporters=data.estimates.supporters(data.principal),
@@ -311,6 +334,7 @@ def _card(
         scenes=tuple(sorted(set(unit_names(data.estimates.instances, "scene").tolist()))),
         diameters_m=_diameters(scope.objects, models),
         views={} if data.views is None else dict(data.views.rules),
+        learned_from={} if learned is None else learned.counts(data.truth),
     )
 
 
@@ -367,5 +391,7 @@ def _scope(data: TrainingData, method: str) -> _Scope:
     with_outcomes = ~np.isnan(data.success).all(axis=0)
     if method == "two-stage":
         with_outcomes &= data.has_truth
+    if data.learned is not None:
+        with_outcomes |= data.learned.usable(data.truth).any(axis=0)
     known = set(data.objects[with_outcomes].tolist())
     return _Scope(data, tuple(sorted(known | simulated)), tuple(sorted(simulated - known)))

@@ -22,10 +22,11 @@ from graspcast.estimates.outcomes import (
     success_of_each,
 )
 from graspcast.estimates.selection import listed
+from graspcast.forecasting.learned_outcomes import LearnedOutcomes, check_names
 from graspcast.forecasting.view_data import ViewData
 from graspcast.io.arguments import NAME, PATH, a, checked, refuse_unless, sequence
 
-__all__ = ["SimulatedTrials", "TrainingData"]
+__all__ = ["SimulatedTrials", "TrainingData", "outcomes_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +112,9 @@ class TrainingData:
         stated it is derived from the true poses.
     views
         Poses of these instances fused from several views, or None.
+    learned
+        Outcomes of further estimators, which are learned from but not needed at run time, or None
+        (:meth:`learning_from`).
     """
 
     estimates: Estimates
@@ -121,6 +125,7 @@ class TrainingData:
     simulated: SimulatedTrials | None = None
     obj_T_est: Float[ndarray, "k n 4 4"] | None = None
     views: ViewData | None = None
+    learned: LearnedOutcomes | None = None
 
     @classmethod
     @checked(
@@ -172,17 +177,9 @@ class TrainingData:
         if outcomes is not None:
             _check_gripper(outcomes, gripper)
             outcomes = checked_outcomes(outcomes)
-            image = ["dataset", "scene_id", "im_id", "obj_id"]
-            single = outcomes.filter(pl.col("est_id").fill_null(0).max().over(image) == 0)
-            incomplete = Instances.of([gap.key for gap in estimates.incomplete])
             for k, name in enumerate(estimates.estimators):
-                if name == principal:
-                    rows, table = np.arange(len(estimates)), outcomes
-                else:
-                    rows, table = np.flatnonzero(_is_alone(estimates)), single
-                mine = estimates.instances.select(rows)
-                success[k, rows] = success_of_each(mine, table, name, gripper, others=incomplete)
-                errors[k, rows] = errors_of_each(mine, table, name, gripper)
+                given = estimates, outcomes, name, gripper
+                success[k], errors[k] = outcomes_of(*given, numbered=name == principal)
             _check_numbering(estimates, outcomes, principal, success[estimates.index(principal)])
         if truth is None:
             truth = np.full((len(estimates), 4, 4), np.nan)
@@ -200,10 +197,13 @@ class TrainingData:
         return data
 
     def __repr__(self) -> str:
+        more = ""
+        if self.learned is not None:
+            more = f", also learned from {', '.join(self.learned.estimators)}"
         return (
             f"TrainingData({len(self)} instances, {int(self.is_tried.sum())} with outcomes, "
             f"{int(self.has_truth.sum())} with true poses; principal {self.principal}, "
-            f"{self.gripper} gripper)"
+            f"{self.gripper} gripper{more})"
         )
 
     def __len__(self) -> int:
@@ -255,7 +255,42 @@ class TrainingData:
             success=self.success[:, which],
             obj_T_est=None if self.obj_T_est is None else self.obj_T_est[:, which],
             views=None if self.views is None else self.views.select(which, len(self)),
+            learned=None if self.learned is None else self.learned.select(which),
         )
+
+    def learning_from(self, *estimators: str) -> TrainingData:
+        """Keep the outcomes of some estimators for learning, without needing them at run time.
+
+        Success given error is then learned from the grasps that they guided as well. The forecaster
+        needs the estimates of the others alone.
+
+        Raises
+        ------
+        InputError
+            If the principal is among them.
+        UnknownNameError
+            For one that is not there.
+        MismatchError
+            If :attr:`views` are fused from other than the remaining estimators.
+        """
+        check_names(estimators, self.principal, self.estimates.estimators)
+        if not estimators:
+            return self
+        kept = tuple(name for name in self.estimates.estimators if name not in estimators)
+        if self.views is not None and set(self.views.estimators) != set(kept):
+            raise MismatchError(
+                f"poses are fused from {', '.join(self.views.estimators)}, but {', '.join(kept)} "
+                "alone will be there at run time: fuse from these, or learn from others",
+                parameters=("learn_from",),
+            )
+        names = tuple(sorted(set(estimators)))
+        rows = [self.estimates.index(name) for name in names]
+        stated = None if self.obj_T_est is None else self.obj_T_est[rows]
+        given = (names, self.estimates.cam_T_obj[rows], self.success[rows], stated)
+        learned = LearnedOutcomes(*given)
+        if self.learned is not None:
+            learned = self.learned.joined(learned)
+        return replace(self.only(*kept), views=self.views, learned=learned)
 
     def only(self, *estimators: str) -> TrainingData:
         """Return the data without the poses and outcomes of all other estimators.
@@ -281,6 +316,37 @@ class TrainingData:
             obj_T_est=None if self.obj_T_est is None else self.obj_T_est[rows],
             views=self.views if set(estimators) == set(self.estimates.estimators) else None,
         )
+
+
+def outcomes_of(
+    estimates: Estimates, outcomes: pl.DataFrame, name: str, gripper: str, *, numbered: bool
+) -> tuple[Float[ndarray, " n"], Float[ndarray, "n 4 4"]]:
+    """Return the outcomes of the grasps that an estimator guided, and the errors that they state.
+
+    Parameters
+    ----------
+    estimates
+        The instances.
+    outcomes
+        As :func:`graspcast.estimates.outcomes.checked_outcomes` returns them.
+    name, gripper
+        The estimator and the gripper.
+    numbered
+        Whether the instances are numbered by its scores. If not, only the outcomes of objects that
+        appear once in the image are used.
+    """
+    success = np.full(len(estimates), np.nan)
+    errors = np.full((len(estimates), 4, 4), np.nan)
+    rows = np.arange(len(estimates))
+    if not numbered:
+        rows = np.flatnonzero(_is_alone(estimates))
+        image = ["dataset", "scene_id", "im_id", "obj_id"]
+        outcomes = outcomes.filter(pl.col("est_id").fill_null(0).max().over(image) == 0)
+    mine = estimates.instances.select(rows)
+    incomplete = Instances.of([gap.key for gap in estimates.incomplete])
+    success[rows] = success_of_each(mine, outcomes, name, gripper, others=incomplete)
+    errors[rows] = errors_of_each(mine, outcomes, name, gripper)
+    return success, errors
 
 
 def _is_alone(estimates: Estimates) -> Bool[ndarray, " n"]:

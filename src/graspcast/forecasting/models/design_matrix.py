@@ -49,9 +49,10 @@ class ViewMatrix:
     truth
         True pose in each fused pose's ray frame, NaN where unknown, (m, 6).
     fused
-        Of the equivalent fused poses the nearest to the guide's pose, (K, m, 4, 4).
+        Of the equivalent fused poses the nearest to the guide's pose, (K + L, m, 4, 4).
     guide
-        The guide's pose, (K, m, 4, 4).
+        The guide's pose, NaN where an estimator that is only learned from has none,
+        (K + L, m, 4, 4).
     views
         From how many views, (m,).
     """
@@ -77,6 +78,8 @@ class ViewMatrix:
         truth = np.full((len(row), 6), np.nan)
         truth[known] = relative(poses[known], true[known])
         guide = estimates.cam_T_obj[:, row]
+        if training_data.learned is not None:
+            guide = np.concatenate([guide, training_data.learned.cam_T_obj[:, row]])
         fused = np.stack([nearest_to(one, poses, *of) for one in guide])
         return cls(row, views.statistics, truth, fused, guide, views.views)
 
@@ -84,6 +87,8 @@ class ViewMatrix:
 @dataclass(frozen=True, eq=False)
 class DesignMatrix:
     """Training data as arrays: features, outcomes and pose errors for each guiding estimator.
+
+    Of K estimators that are needed at run time, and L whose outcomes are learned from alone.
 
     Attributes
     ----------
@@ -111,6 +116,8 @@ class DesignMatrix:
         Pose errors, object numbers and outcomes of simulated trials of these objects.
     views
         Poses fused from several views, or None.
+    learned_success, learned_obj_T_est
+        The same of the estimators that are learned from alone, (L, n) and (L, n, 4, 4), or None.
     """
 
     principal: int
@@ -124,6 +131,22 @@ class DesignMatrix:
     objects: int
     simulated: tuple[ndarray, ndarray, ndarray] | None
     views: ViewMatrix | None = None
+    learned_success: Float[ndarray, "l n"] | None = None
+    learned_obj_T_est: Float[ndarray, "l n 4 4"] | None = None
+
+    @property
+    def all_success(self) -> Float[ndarray, "j n"]:
+        """Outcomes of all estimators, those that are learned from alone last, (K + L, n)."""
+        if self.learned_success is None:
+            return self.success
+        return np.concatenate([self.success, self.learned_success])
+
+    @property
+    def all_errors(self) -> Float[ndarray, "j n 4 4"]:
+        """Pose errors of all estimators, in the same order, (K + L, n, 4, 4)."""
+        if self.learned_obj_T_est is None:
+            return self.obj_T_est
+        return np.concatenate([self.obj_T_est, self.learned_obj_T_est])
 
     @property
     def own(self) -> Float[ndarray, "n d"]:
@@ -157,21 +180,24 @@ class DesignMatrix:
             else:  # nobody to agree with
                 features.append(np.zeros((len(estimates), 0)))
             poses = estimates.of(name)
-            est_T_true = compose(invert(poses), training_data.truth)
-            if stored is not None:
-                # A campaign's own error, not one derived again by another matching. Where they are
-                # the same but for rounding, forests grow the same from outcomes of either kind.
-                stated = invert(stored[k])
-                same = np.abs(stated - est_T_true).max(axis=(1, 2)) < _ROUNDING
-                other = np.isfinite(stated).all(axis=(1, 2)) & ~same
-                est_T_true[other] = stated[other]
-            est_T_true = nearest_truth(est_T_true, estimates.dataset, estimates.obj_id, models)
+            stated = None if stored is None else stored[k]
+            est_T_true = _true_poses(poses, stated, training_data, models)
             known = np.isfinite(est_T_true).all(axis=(1, 2))
             near = compose(poses, est_T_true)
             truths.append(np.full((len(near), 6), np.nan))
             truths[-1][known] = relative(poses[known], near[known])
             errors.append(invert(est_T_true))
-        simulated = views = None
+        simulated = views = learned_success = learned_errors = None
+        if (learned := training_data.learned) is not None:
+            learned_success = learned.success
+            stated = (
+                [None] * len(learned.success) if learned.obj_T_est is None else learned.obj_T_est
+            )
+            truth = [
+                _true_poses(of, error, training_data, models)
+                for of, error in zip(learned.cam_T_obj, stated, strict=True)
+            ]
+            learned_errors = np.stack([invert(one) for one in truth])
         if training_data.views is not None:
             views = ViewMatrix.of(training_data, training_data.views, models)
         if training_data.simulated is not None:
@@ -194,4 +220,35 @@ class DesignMatrix:
             len(objects),
             simulated,
             views,
+            learned_success,
+            learned_errors,
         )
+
+
+def _true_poses(
+    poses: Float[ndarray, "n 4 4"],
+    stored: Float[ndarray, "n 4 4"] | None,
+    training_data: TrainingData,
+    models: Mapping[str, Models],
+) -> Float[ndarray, "n 4 4"]:
+    """Return the true pose in each estimate's frame, the nearest by symmetry, NaN if unknown.
+
+    Parameters
+    ----------
+    poses
+        ``cam_T_est``.
+    stored
+        The errors ``obj_T_est`` that the outcomes state, or None.
+    training_data, models
+        The instances, and their dataset's name to its object models.
+    """
+    estimates = training_data.estimates
+    out = compose(invert(poses), training_data.truth)
+    if stored is not None:
+        # A campaign's own error, not one derived again by another matching. Where they are the same
+        # but for rounding, forests grow the same from outcomes of either kind.
+        stated = invert(stored)
+        same = np.abs(stated - out).max(axis=(1, 2)) < _ROUNDING
+        other = np.isfinite(stated).all(axis=(1, 2)) & ~same
+        out[other] = stated[other]
+    return nearest_truth(out, estimates.dataset, estimates.obj_id, models)

@@ -1,7 +1,8 @@
 """Growing of the forests of a blend, and their calibration by out-of-fold predictions.
 
 The direct forest, success given error and the view model are the same whichever estimator guides;
-each guide has an error model and a calibration of its own.
+each guide has an error model and a calibration of its own. Success given error and the calibration
+with views also use the outcomes of estimators that are only learned from.
 """
 
 from __future__ import annotations
@@ -110,15 +111,18 @@ def _calibrated(
 
 
 def _calibrated_views(
-    matrix: DesignMatrix, model: ViewModel | None, seen: Float[ndarray, "k m"], images: ndarray
+    matrix: DesignMatrix, model: ViewModel | None, seen: Float[ndarray, "j m"], images: ndarray
 ) -> ViewModel | None:
     if model is None or matrix.views is None:
         return model
-    outcome = matrix.success[:, matrix.views.row]
+    outcome = matrix.all_success[:, matrix.views.row]
     known = ~np.isnan(seen) & ~np.isnan(outcome)
     if not known.any():
         return model
     calibration = fit_calibration(seen[known], outcome[known])
+    known[len(matrix.success) :] = False  # what is kept is of those that are there at run time
+    if not known.any():
+        return replace(model, calibration=calibration)
     row = np.broadcast_to(matrix.views.row, seen.shape)[known]
     probability = calibrated(seen[known], calibration)
     kept = OutOfFold(probability, outcome[known] == 1, images[row])
@@ -131,25 +135,27 @@ def _out_of_fold(
     guides: list[int],
     folds: int,
     progress: Progress | None,
-) -> tuple[dict[int, Float[ndarray, "2 n"]], Float[ndarray, "k m"]]:
+) -> tuple[dict[int, Float[ndarray, "2 n"]], Float[ndarray, "j m"]]:
     """Forecast tried instances by forests grown without their scene; NaN for all others.
 
     Returns
     -------
-    Of each guide from one view, as :meth:`Blend.raw`; and of all estimators with several views.
+    Of each guide from one view, as :meth:`Blend.raw`; and of all estimators with several views,
+    those that are only learned from last.
     """
     fold_of = fold_numbers(matrix.groups, folds, seed=settings.seed)
     inner = replace(settings, trees=max(32, settings.trees // 2))
     singles = {k: np.full((2, len(fold_of)), np.nan) for k in guides}
     views = matrix.views
-    seen = np.full((len(matrix.success), 0 if views is None else len(views.row)), np.nan)
+    seen = np.full((len(matrix.all_success), 0 if views is None else len(views.row)), np.nan)
     for fold in range(folds):
         try:
             grown = _grow(matrix, fold_of != fold, inner, guides)
         except InputError:  # all outcomes are in this fold, or all others are equal
             continue
         for k, blend in grown.items():
-            rows = np.flatnonzero((fold_of == fold) & ~np.isnan(matrix.success[k]))
+            asked = (fold_of == fold) & ~np.isnan(matrix.success[k]) & (matrix.numbers >= 0)
+            rows = np.flatnonzero(asked)
             rows = rows[blend.tried[matrix.numbers[rows]]]
             if matrix.names:
                 singles[k][:, rows] = blend.raw(matrix.features[k, rows], matrix.numbers[rows])
@@ -160,13 +166,14 @@ def _out_of_fold(
 
 
 def _forecast_views(
-    matrix: DesignMatrix, blend: Blend, test: Bool[ndarray, " n"], seen: Float[ndarray, "k m"]
+    matrix: DesignMatrix, blend: Blend, test: Bool[ndarray, " n"], seen: Float[ndarray, "j m"]
 ) -> None:
     """Forecast the tried instances of a fold with several views, guided by each estimator."""
     views = matrix.views
     assert views is not None and blend.views is not None and blend.success_given_error is not None
-    for k in range(len(seen)):
-        asked = test[views.row] & (views.views > 1) & ~np.isnan(matrix.success[k, views.row])
+    for k, success in enumerate(matrix.all_success):
+        asked = test[views.row] & (views.views > 1) & ~np.isnan(success[views.row])
+        asked &= np.isfinite(views.guide[k]).all(axis=(1, 2))
         rows = np.flatnonzero(asked & blend.known[matrix.numbers[views.row]])
         rows = rows[matrix.numbers[views.row[rows]] >= 0]
         if len(rows):
@@ -184,7 +191,7 @@ def _grow(
     matrix: DesignMatrix, rows: Bool[ndarray, " n"], settings: ForestSettings, guides: list[int]
 ) -> dict[int, Blend]:
     """Grow the forests from some of the instances, without calibration."""
-    guide, instance = np.nonzero(~np.isnan(matrix.success) & rows)
+    guide, instance = np.nonzero(~np.isnan(matrix.success) & rows & (matrix.numbers >= 0))
     tried = np.bincount(matrix.numbers[instance], minlength=matrix.objects) > 0
     columns = _columns(matrix.names) if matrix.names else np.zeros(1, dtype=np.int64)
     direct = success_given_error = views = None
@@ -194,7 +201,7 @@ def _grow(
     if settings.direct > 0 and matrix.names:
         direct = _grow_direct(matrix, guide, instance, settings)
     if settings.direct < 1 and (rows & np.isfinite(matrix.truth).all(axis=2).any(axis=0)).any():
-        poses, numbers, success = _trials(matrix, guide, instance, tried)
+        poses, numbers, success = _trials(matrix, rows, tried)
         known = np.bincount(numbers, minlength=matrix.objects) > 0
         if known.any():
             views = _grow_views(matrix, rows, forest)
@@ -290,21 +297,21 @@ def _grow_direct(
 
 
 def _trials(
-    matrix: DesignMatrix,
-    guide: Int[ndarray, " m"],
-    instance: Int[ndarray, " m"],
-    tried: Bool[ndarray, " o"],
+    matrix: DesignMatrix, rows: Bool[ndarray, " n"], tried: Bool[ndarray, " o"]
 ) -> tuple[Float[ndarray, "t 4 4"], Int[ndarray, " t"], Bool[ndarray, " t"]]:
     """Return pose errors, objects and outcomes of trials.
 
-    Those of tried grasps, and simulated ones of objects that have no tried grasp.
+    Those of tried grasps, whoever guided them, and simulated ones of objects that have none.
     """
-    has_error = np.isfinite(matrix.obj_T_est[guide, instance]).all(axis=(1, 2))
-    guide, instance = guide[has_error], instance[has_error]
-    poses, numbers = matrix.obj_T_est[guide, instance], matrix.numbers[instance]
-    success = matrix.success[guide, instance] == 1
+    outcomes, errors = matrix.all_success, matrix.all_errors
+    has_error = np.isfinite(errors).all(axis=(2, 3))
+    usable = ~np.isnan(outcomes) & has_error & rows & (matrix.numbers >= 0)
+    guide, instance = np.nonzero(usable)
+    poses, numbers = errors[guide, instance], matrix.numbers[instance]
+    success = outcomes[guide, instance] == 1
     if matrix.simulated is None:
         return poses, numbers, success
+    tried = tried | (np.bincount(numbers, minlength=matrix.objects) > 0)
     lacking = ~tried[matrix.simulated[1]]
     more = [part[lacking] for part in matrix.simulated]
     return (
