@@ -16,6 +16,7 @@ from graspcast.errors import FormatError, InputError
 from graspcast.io.arrays import read_arrays, write_arrays
 from graspcast.io.cache import cache_directory
 from graspcast.io.hashing import canonical_json, sha256
+from graspcast.simulation.objects.simplification import simplified
 from graspcast.simulation.objects.types import ConvexPiece
 
 __all__ = ["Decomposition", "convex_hull", "decompose"]
@@ -47,6 +48,9 @@ class Decomposition:
         Random seed of CoACD.
     hull_tolerance_m
         Largest distance of a mesh vertex from its simplified hull, metres.
+    preprocess
+        Whether CoACD closes the mesh first, which makes thin parts up to a 30th of the object
+        thicker; without, this is done only for a mesh that is not closed.
     """
 
     pieces: int = 8
@@ -55,6 +59,7 @@ class Decomposition:
     search_iterations: int = 60
     seed: int = 0
     hull_tolerance_m: float = 3e-4
+    preprocess: bool = True
 
     def __post_init__(self) -> None:
         if self.pieces < 1:
@@ -80,7 +85,7 @@ def decompose(
 ) -> tuple[ConvexPiece, ...]:
     """Decompose a mesh into convex pieces with CoACD.
 
-    The same mesh, parameters and CoACD version give the same pieces. They are kept in
+    A mesh of more than 200,000 faces is simplified first, which is logged as a warning. The same mesh, parameters and CoACD version give the same pieces. They are kept in
     the cache directory (:func:`graspcast.io.cache.cache_directory`) under a hash of all three; a
     damaged file there is computed again.
 
@@ -99,7 +104,7 @@ def decompose(
     path = cache_directory() / "convex" / f"{_digest(vertices, faces, how)}.npz"
     pieces = _read(path)
     if pieces is None:
-        hulls = [vertices] if how.pieces == 1 else _run_coacd(vertices, faces, how)
+        hulls = [vertices] if how.pieces == 1 else _run_coacd(*simplified(vertices, faces), how)
         pieces = tuple(convex_hull(points, how.hull_tolerance_m) for points in hulls)
         try:
             _write(path, pieces)
@@ -186,7 +191,7 @@ def _run_coacd(
         coacd.Mesh(vertices, faces),
         threshold=how.threshold,
         max_convex_hull=how.pieces,
-        preprocess_mode="on",
+        preprocess_mode="on" if how.preprocess else "auto",
         preprocess_resolution=how.preprocess_resolution,
         resolution=_SAMPLES,
         mcts_nodes=_SEARCH_NODES,
@@ -201,7 +206,10 @@ def _run_coacd(
 def _digest(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], how: Decomposition) -> str:
     search = f"{version('coacd')} {_SAMPLES} {_SEARCH_NODES}"
     mesh = np.asarray(vertices, dtype="<f8"), np.asarray(faces, dtype="<i8")
-    return sha256(search, canonical_json(asdict(how)), *mesh)[:32]
+    settings = asdict(how)
+    if how.preprocess:
+        del settings["preprocess"]  # as before there was the choice
+    return sha256(search, canonical_json(settings), *mesh)[:32]
 
 
 def _write(path: Path, pieces: tuple[ConvexPiece, ...]) -> None:
