@@ -116,7 +116,7 @@ def _told(options: argparse.Namespace) -> tuple[Told, MassTable | None]:
 
 
 def _check(options: argparse.Namespace, sources: Sequence[Source], told: Told) -> list[Source]:
-    """Refuse what does not fit several objects or a built-in dataset; return what is to be added."""
+    """Refuse what fits neither several objects nor a built-in dataset; return what is added."""
     from graspcast.simulation.objects.adding import built_in_ids
 
     if len(sources) > 1:

@@ -85,9 +85,10 @@ def decompose(
 ) -> tuple[ConvexPiece, ...]:
     """Decompose a mesh into convex pieces with CoACD.
 
-    A mesh of more than 200,000 faces is simplified first, which is logged as a warning. The same mesh, parameters and CoACD version give the same pieces. They are kept in
-    the cache directory (:func:`graspcast.io.cache.cache_directory`) under a hash of all three; a
-    damaged file there is computed again.
+    A mesh of more than 200,000 faces is simplified first, which is logged as a warning. The same
+    mesh, parameters and CoACD version give the same pieces. They are kept in the cache directory
+    (:func:`graspcast.io.cache.cache_directory`) under a hash of all three; a damaged file there is
+    computed again.
 
     Parameters
     ----------

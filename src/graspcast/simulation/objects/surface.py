@@ -77,6 +77,12 @@ class Surface:
         return diameter(self.corners)
 
     @cached_property
+    def width_m(self) -> float:
+        """Extent along the second of the principal axes, metres: that of a knife is its width."""
+        _, axes = np.linalg.eigh(self.moments)
+        return float(np.sort(np.ptp(self.corners @ axes, axis=0))[1])
+
+    @cached_property
     def corners(self) -> Float[ndarray, "h 3"]:
         """Corners of the convex hull."""
         from scipy.spatial import ConvexHull

@@ -31,6 +31,7 @@ WITHIN = 0.03
 """How far 99 % of the rotated surface may be from the surface, by the diameter across the axis."""
 
 _ANYWHERE, _FLOOR, _STANDS_OUT = 0.05, 0.01, 12.0
+_SLENDER = 3.0
 _ALIKE = 0.12
 _MOST_FOLD = 36
 _ANY_ANGLE = np.deg2rad([49.0, 23.0, 71.0, 111.0, 157.0, 180.0])
@@ -55,7 +56,8 @@ class Deviation:
     largest_m
         Largest distance.
     across_m
-        Diameter of the surface across the axis of rotation.
+        Diameter of the surface across the axis of rotation; of a slender object at most three
+        times its width, so that a knife is not the same from both ends.
     """
 
     usual_m: float
@@ -100,9 +102,12 @@ class Symmetries:
             return "any rotation (a ball)"
         words = [f"any angle about {axis_name(s.axis)}" for s in self.continuous]
         folds: dict[str, int] = {}
+        axes: dict[str, ndarray] = {}
         for pose in self.discrete:
             axis, angle = _axis_angle(pose[:3, :3])
-            name = axis_name(axis)
+            alike = (n for n, known in axes.items() if abs(known @ axis) >= np.cos(_SNAP_RAD))
+            name = next(alike, axis_name(axis))
+            axes.setdefault(name, axis)
             folds[name] = max(folds.get(name, 2), round(2 * np.pi / angle))
         ordered = sorted(folds.items(), key=lambda item: (-item[1], len(item[0]), item[0]))
         if len(ordered) > 3:
@@ -191,10 +196,11 @@ def deviation(
         surface.distances((points - middle) @ rotation.T + middle)
         for points in (surface.by_area, surface.details)
     )
-    across = np.linalg.norm(np.cross(surface.corners - middle, axis), axis=1).max()
+    radius = np.linalg.norm(np.cross(surface.corners - middle, axis), axis=1).max()
+    across = min(2 * radius, _SLENDER * surface.width_m)
     usual, nearly = np.quantile(by_area, [0.9, 0.99])
     largest = max(by_area.max(), details.max())
-    return Deviation(float(usual), float(nearly), float(largest), 2 * float(across))
+    return Deviation(float(usual), float(nearly), float(largest), float(across))
 
 
 def _holds(surface: Surface, rotation: Float[ndarray, "3 3"]) -> bool:
