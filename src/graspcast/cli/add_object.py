@@ -161,10 +161,8 @@ def _make(
     with progress_bar("reading") as move:
         for i, source in enumerate(sources):
             move(i / len(sources), source.path.name)
-            mine = told
-            if table is not None:
-                mine = table.told(source.path, source.obj_id, told) or told
             try:
+                mine = told if table is None else table.told(source.path, source.obj_id, told)
                 made.append(
                     make_object(source.path, options.dataset, source.obj_id, mine, info=source.info)
                 )

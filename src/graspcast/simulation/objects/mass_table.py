@@ -64,12 +64,24 @@ class MassTable:
             )
         return value
 
-    def told(self, mesh: Path, obj_id: int, told: Told) -> Told | None:
-        """Return what is told of an object, with its row of the table; None if it has none."""
+    def told(self, mesh: Path, obj_id: int, told: Told) -> Told:
+        """Return what is told of an object, with its row of the table.
+
+        Raises
+        ------
+        FormatError
+            If it has no row, and no density is told that would serve instead.
+        """
         names = (mesh.name, mesh.stem, str(obj_id))
         name = next((n for n in names if n in self._rows), None)
         if name is None:
-            return None
+            if told.density is None:
+                raise FormatError(
+                    self.path,
+                    f"has no row for {mesh.name} (object {obj_id}), and no density is given",
+                    parameters=("density",),
+                )
+            return told
         self._used.add(name)
         row = self._rows[name]
         told = replace(told, mass_kg=row["mass_kg"], density=None, mass_source=self.path.name)

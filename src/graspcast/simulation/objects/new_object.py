@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -148,7 +147,8 @@ def make_object(
         check_diameter(what, mesh.vertices, info.diameter_m)
     _check_volume(path, mesh)
     mesh = mesh if info is not None else _as_written(mesh)
-    _check_usual(path, mesh, told, unit)
+    if info is None:
+        _check_usual(path, mesh, told, read_as)
     remarks = [check_bodies(what, mesh), _far_origin(what, mesh)]
     surface = Surface(mesh.vertices, mesh.faces)
     closed, why_open = _closed(mesh, told, what)
@@ -226,19 +226,18 @@ def _as_written(mesh: Mesh) -> Mesh:
         return read_mesh(path, "mm")
 
 
-def _check_usual(path: Path, mesh: Mesh, told: Told, unit: Unit) -> None:
-    """Ask for the unit where the size is unusual and no mass contradicts it."""
+def _check_usual(path: Path, mesh: Mesh, told: Told, read_as: str) -> None:
+    """Ask for the unit where the size in millimetres is unusual and no mass tells it."""
     across = float(np.ptp(mesh.vertices, axis=0).max())
-    if unit != "auto" or told.density is None or _USUAL_M[0] <= across <= _USUAL_M[1]:
+    if told.unit != "auto" or read_as != "mm" or told.density is None or across >= _USUAL_M[0]:
         return
-    raw = across * 1000
-    fits = [u for u in get_args(Unit)[1:] if _USUAL_M[0] <= raw * METRES[u] <= 2 * _USUAL_M[1]]
-    choices = " or ".join(f"{UNIT_NAMES[u]} ({shown(raw * METRES[u])})" for u in fits)
+    number = across / METRES["mm"]
+    sizes = {unit: number * METRES[unit] for unit in ("cm", "inch")}
+    others = [f"{UNIT_NAMES[u]} ({shown(x)})" for u, x in sizes.items() if x <= _USUAL_M[1]]
     raise FormatError(
         path,
-        f"is {shown(across)} across if it is in millimetres"
-        + (f", but may be in {choices}" if choices else "")
-        + "; give the unit",
+        f"is {shown(across)} across if it is in millimetres, but may be in {' or '.join(others)}; "
+        "give its unit",
         parameters=("unit",),
     )
 

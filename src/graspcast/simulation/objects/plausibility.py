@@ -75,8 +75,8 @@ def check_density(what: str, mass_kg: float, volume_m3: float, size_m: float) ->
         f"{what}: {mass_kg:.4g} kg in {volume_m3 * 1e6:.4g} cm³ ({shown(size_m)} across) are "
         f"{_grouped(density)} kg/m³, but objects have {_grouped(DENSITIES[0])} to "
         f"{_grouped(DENSITIES[1])} kg/m³; "
-        + (f"is {' or '.join(meant)}?" if meant else "correct mass_kg or the mesh's unit"),
-        parameters=("catalogue",),
+        + (f"is {' or '.join(meant)}?" if meant else "correct the mass or the mesh's unit"),
+        parameters=("catalogue", "mass", "unit"),
     )
 
 
