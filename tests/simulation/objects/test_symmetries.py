@@ -31,8 +31,6 @@ SOLIDS = {
 }
 
 
-
-
 @pytest.mark.parametrize("name", SOLIDS)
 def test_symmetries_of_known_solids(name: str) -> None:
     mesh, continuous, discrete = SOLIDS[name]

@@ -59,8 +59,11 @@ def check_bodies(what: str, mesh: Mesh) -> str:
     size = float(np.ptp(mesh.vertices, axis=0).max())
     for part in parts[1:]:
         points = mesh.vertices[np.unique(part)]
-        inside = (points >= low).all() and (points <= high).all()
-        gap = 0.0 if inside else float(surface.distances(points).min())
+        gap = 0.0
+        if (points < low).any() or (points > high).any():
+            tried = np.concatenate([points, Surface(mesh.vertices, part).by_area])
+            if surface.outside(tried).all():
+                gap = float(surface.distances(tried).min())
         if gap > _APART * size:
             across, main = (float(np.ptp(p, axis=0).max()) for p in (points, largest))
             raise InputError(

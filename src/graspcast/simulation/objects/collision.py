@@ -17,7 +17,7 @@ from graspcast.simulation.objects.types import ConvexPiece
 __all__ = ["CollisionShape", "choose_collision", "sticks_out"]
 
 _CONVEX_M, _CONVEX_SHARE = 5e-4, 0.01
-_POINTS = 300
+_POINTS = 1000
 _TOUCHING_M = 1e-5
 
 

@@ -34,8 +34,6 @@ def frame_difference(mine: Mesh, other: Mesh) -> str:
     """
     first, second = Surface(mine.vertices, mine.faces), Surface(other.vertices, other.faces)
     size = second.diameter_m
-    if _nearly(first, second, np.eye(3), np.zeros(3)) <= _SAME * size:
-        return ""
     ratio = first.diameter_m / size
     if not 0.9 <= ratio <= 1.1:
         said = f"{shown(first.diameter_m)} across, not {shown(size)}"
@@ -43,6 +41,8 @@ def frame_difference(mine: Mesh, other: Mesh) -> str:
             if 0.97 <= ratio * METRES[unit] / METRES[read] <= 1.03:
                 return f"{said}; is it in {UNIT_NAMES[unit]}, not in {UNIT_NAMES[read]}?"
         return said
+    if _nearly(first, second, np.eye(3), np.zeros(3)) <= _SAME * size:
+        return ""
     found = []
     for rotation in _rotations(first, second):
         moved = second.centroid - rotation @ first.centroid
@@ -57,9 +57,10 @@ def frame_difference(mine: Mesh, other: Mesh) -> str:
 
 
 def _nearly(first: Surface, second: Surface, rotation: ndarray, moved: ndarray) -> float:
-    """Return the distance that 98 % of the first surface, moved, keeps from the second."""
-    points = first.by_area[::6] @ rotation.T + moved
-    return float(np.quantile(second.distances(points), 0.98))
+    """Return the distance that 98 % of each surface, the first one moved, keeps from the other."""
+    there = second.distances(first.by_area[::6] @ rotation.T + moved)
+    back = first.distances((second.by_area[::6] - moved) @ rotation)
+    return float(max(np.quantile(there, 0.98), np.quantile(back, 0.98)))
 
 
 def _rotations(first: Surface, second: Surface) -> list[Float[ndarray, "3 3"]]:
