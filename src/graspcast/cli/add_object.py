@@ -70,6 +70,12 @@ def add(verbs: Verbs) -> None:
         help="auto finds them; none, or z for any angle about z, x2 for half a turn about x",
     )
     verb.add_argument("--label", metavar="TEXT", help="name for people (default: the file's)")
+    _add_choices(verb)
+    add_out(verb, "directory of the dataset: models/ and objects.toml")
+
+
+def _add_choices(verb: argparse.ArgumentParser) -> None:
+    """Add options that few objects need."""
     verb.add_argument(
         "--pieces", metavar="N", type=positive, help="largest number of collision pieces"
     )
@@ -84,7 +90,6 @@ def add(verbs: Verbs) -> None:
     verb.add_argument(
         "--lenient", action="store_true", help="leave out meshes that are refused, and say so"
     )
-    add_out(verb, "directory of the dataset: models/ and objects.toml")
 
 
 def _told(options: argparse.Namespace) -> tuple[Told, MassTable | None]:

@@ -37,7 +37,7 @@ def test_rows_by_file_name_stem_or_number(tmp_path: Path) -> None:
         ("object,mass\nmug,1\n", "no column 'mass_kg'"),
         ("object,mass_kg,weight\nmug,1,2\n", "the column 'weight'"),
         ("object,mass_kg\nmug,1\nmug,2\n", "line 3: 'mug' is listed twice"),
-        ("object,mass_kg\nmug,nan\n", "line 2: mass_kg is nan"),
+        ("object,mass_kg\nmug,nan\n", "line 2: mass_kg is 'nan'"),
         ("object,mass_kg\nmug,-1\n", "line 2: mass_kg is -1"),
         ("object,mass_kg\nmug,\n", "line 2: mass_kg is None"),
         ("object,mass_kg,friction\nmug,1,x\n", "line 2: friction is 'x'"),
