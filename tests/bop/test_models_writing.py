@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from graspcast.bop.models import ContinuousSymmetry, read_models_info
-from graspcast.bop.models_writing import diameter, info_entry, update_models_info
+from graspcast.bop.models_writing import diameter, extreme_points, info_entry, update_models_info
 from graspcast.errors import FormatError
 from graspcast.pose.transforms import rotation_from_vector, transform
 
@@ -46,3 +46,16 @@ def test_other_objects_stay_as_they_are(tmp_path: Path) -> None:
 def test_diameter_of_a_ball_with_many_corners() -> None:
     ball = np.array(trimesh.creation.icosphere(5, 0.05).vertices)
     assert diameter(ball) == pytest.approx(0.1, rel=1e-3)
+
+
+def test_extreme_points_of_a_large_round_scan_span_its_hull() -> None:
+    rng = np.random.default_rng(1)
+    points = rng.normal(size=(150_000, 3))
+    points *= 0.05 / np.linalg.norm(points, axis=1, keepdims=True)
+    few = extreme_points(points)
+    assert len(few) <= 4000
+    directions = rng.normal(size=(300, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    lost = (points @ directions.T).max(axis=0) - (few @ directions.T).max(axis=0)
+    assert lost.max() < 5e-4 * 0.1
+    assert len(extreme_points(points[:1000])) == 1000

@@ -175,12 +175,13 @@ def _make(
                 if len(sources) == 1:
                     raise
                 refused.append(str(error))
-    if refused and options.lenient and made:
-        note(*(f"left out: {text}" for text in refused))
-    elif refused:
-        count = f"{len(refused)} of {len(sources)} objects are refused, and nothing is written"
+    if refused:
+        note(*(f"left out: {text}" if options.lenient else text for text in refused))
+    if refused and not (options.lenient and made):
         raise InputError(
-            "\n  ".join([f"{options.mesh}: {count}:", *refused]), parameters=("lenient",)
+            f"{options.mesh}: {len(refused)} of {len(sources)} objects are refused, and nothing is "
+            "written",
+            parameters=("lenient",),
         )
     if table is not None and table.unused:
         note(f"{table.path}: no mesh has the names {', '.join(table.unused)}")

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from graspcast.bop.models_writing import extreme_points
 from graspcast.errors import FormatError, InputError
 from graspcast.io.arrays import read_arrays, write_arrays
 from graspcast.io.cache import cache_directory
@@ -118,10 +119,12 @@ def convex_hull(points: Float[ndarray, "n 3"], tolerance_m: float) -> ConvexPiec
     """Compute a simplified convex hull of points, within a tolerance (metres).
 
     Starting from extreme points, the point farthest outside is added until none is outside by more
-    than the tolerance. The vertices are points of the input, so the full hull contains it.
+    than the tolerance. The vertices are points of the input, so the full hull contains it. Of more
+    than 100,000 points, those that stick out in many directions stand for all.
     """
     from scipy.spatial import ConvexHull, QhullError
 
+    points = extreme_points(points)
     try:
         corners = points[np.unique(ConvexHull(points).simplices)]
     except (QhullError, ValueError) as error:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.bop.models_writing import diameter
+from graspcast.bop.models_writing import diameter, extreme_points
 from graspcast.io.compiling import cached_njit
 
 __all__ = ["Surface"]
@@ -87,7 +87,8 @@ class Surface:
         """Corners of the convex hull."""
         from scipy.spatial import ConvexHull
 
-        hull: ndarray = self._vertices[ConvexHull(self._vertices).vertices]
+        points = extreme_points(self._vertices)
+        hull: ndarray = points[ConvexHull(points).vertices]
         return hull
 
     @cached_property
