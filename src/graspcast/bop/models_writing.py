@@ -36,7 +36,9 @@ def extreme_points(
     z = 1 - (2 * np.arange(_DIRECTIONS) + 1) / _DIRECTIONS
     angle, flat = np.arange(_DIRECTIONS) * np.pi * (3 - np.sqrt(5)), np.sqrt(1 - z**2)
     towards = np.stack([flat * np.cos(angle), flat * np.sin(angle), z], axis=-1)
-    farthest = [np.argmax(points @ part.T, axis=0) for part in np.array_split(towards, 200)]
+    columns = np.ascontiguousarray((points - points.mean(axis=0)).T, dtype=np.float32)
+    parts = np.array_split(towards.astype(np.float32), 200)
+    farthest = [np.argmax(part @ columns, axis=1) for part in parts]
     return points[np.unique(np.concatenate(farthest))]
 
 
