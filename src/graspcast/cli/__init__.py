@@ -11,6 +11,7 @@ from contextlib import suppress
 
 from graspcast._version import __version__
 from graspcast.cli import (
+    add_object,
     certify,
     check_gripper,
     compare,
@@ -55,6 +56,7 @@ _VERBS = (
     monitor,
     evaluate,
     reproduce,
+    add_object,
     simulate,
     fit_grasp,
     validate_sim,

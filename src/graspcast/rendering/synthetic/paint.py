@@ -12,13 +12,11 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, UInt8
 from numpy import ndarray
-from scipy.spatial import ConvexHull
-from scipy.spatial.distance import pdist
 
 from graspcast.bop.meshes import Mesh, write_mesh
-from graspcast.bop.units import millimetres
+from graspcast.bop.models_writing import info_entry
 from graspcast.errors import UnknownNameError
 from graspcast.io.json import write_json
 from graspcast.simulation.objects.catalogue import read_catalogue
@@ -118,15 +116,6 @@ def write_painted_models(
         mesh = Mesh(loaded.vertices, loaded.faces)
         number = int(entry.obj_id or 0)
         write_mesh(Path(directory) / f"obj_{number:06d}.ply", mesh, paint(mesh, PAINTED[name]))
-        info[number] = _info(mesh.vertices)
+        info[number] = info_entry(mesh.vertices)
     write_json(Path(directory) / "models_info.json", info)
     return tuple(info)
-
-
-def _info(vertices: Float[ndarray, "v 3"]) -> dict[str, float]:
-    hull: Int[ndarray, " h"] = ConvexHull(vertices).vertices
-    low, size = millimetres(vertices.min(axis=0)), millimetres(np.ptp(vertices, axis=0))
-    info = {"diameter": float(millimetres(pdist(vertices[hull])).max())}
-    info |= {f"min_{a}": float(x) for a, x in zip("xyz", low, strict=True)}
-    info |= {f"size_{a}": float(x) for a, x in zip("xyz", size, strict=True)}
-    return info

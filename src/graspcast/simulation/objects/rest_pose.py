@@ -51,16 +51,21 @@ def rest_pose(
     length = float(np.linalg.norm(up))
     if not (np.isfinite(length) and length > 0):
         raise InputError(
-            f"{what}: its direction up = {np.asarray(up).tolist()} is zero or not finite"
+            f"{what}: its direction up = {np.asarray(up).tolist()} is zero or not finite",
+            parameters=("up",),
         )
     ups, heights = stable_ups(pieces, centroid)
     tilt = np.arccos(np.clip(ups @ (np.asarray(up) / length), -1, 1))
     near = tilt <= LARGEST_TILT_RAD
     if not near.any():
-        known = ", ".join(f"[{', '.join(f'{x:.2f}' for x in u)}]" for u in _distinct(ups, heights))
+        known = ", ".join(
+            f"[{', '.join(f'{x:.2f}' for x in np.round(u, 2) + 0.0)}]"
+            for u in _distinct(ups, heights)
+        )
         raise InputError(
             f"{what}: it does not stand with up = {[float(x) for x in up]}, it topples; it rests "
-            f"with one of these up: {known}"
+            f"with one of these up: {known}",
+            parameters=("up",),
         )
     rotation = _turn_up(ups[near][np.argmin(heights[near])])
     lowest = min(_lowest(piece, rotation[2]) for piece in pieces)

@@ -1,0 +1,157 @@
+"""The verb add-object."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import graspcast
+from cad_parts import profile, tube
+from commands import refused
+from graspcast.cli import main
+from graspcast.pose.transforms import rotation_from_quaternion, transform
+from graspcast.simulation.grasps.table import ReferenceGrasp, write_grasps
+from graspcast.simulation.objects.catalogue import read_catalogue
+from graspcast.simulation.objects.types import Grasp
+
+BOX = trimesh.creation.box((40.0, 60, 100))
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> Path:
+    BOX.export(tmp_path / "box.stl")
+    return tmp_path / "box.stl"
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_from_a_mesh_to_a_grasp(tmp_path: Path, box: Path) -> None:
+    out = tmp_path / "mine"
+    command = ["add-object", str(box), "--dataset", "mine", "--id", "3", "--mass", "0.12"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(graspcast.__file__).parents[1])}
+    done = subprocess.run(
+        [sys.executable, "-m", "graspcast", *command, "--out", str(out)],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    for said in ("mine-3 (box)", "40 x 60 x 100 mm", "0.12 kg, 500 kg/m³", "180° about x"):
+        assert said in done.stdout
+    assert "origin and axes are those of the mesh files" in done.stderr
+    assert "friction 0.8 is assumed" in done.stderr
+    down = transform(rotation_from_quaternion(np.array([0.0, 1, 0, 0])), np.array([0.0, 0, 0.03]))
+    write_grasps(
+        tmp_path / "grasps.toml",
+        [ReferenceGrasp(Grasp(down, "mine-3", "parallel"), provenance="a test's")],
+    )
+    sheet = ["grasps", "--objects", "mine-3", "--gripper", "parallel", "--size", "64"]
+    tables = ["--catalogue", str(out / "objects.toml"), "--grasps", str(tmp_path / "grasps.toml")]
+    assert main([*sheet, *tables, "--bop", str(out), "--out", str(tmp_path / "a.png")]) == 0
+
+
+def test_again_is_unchanged_and_another_is_refused(
+    tmp_path: Path, box: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = [
+        "add-object",
+        str(box),
+        "--dataset",
+        "mine",
+        "--id",
+        "3",
+        "--out",
+        str(tmp_path / "m"),
+    ]
+    assert main([*command, "--mass", "0.12"]) == 0
+    before = content(tmp_path / "m")
+    assert main([*command, "--mass", "0.12"]) == 0
+    assert "unchanged" in capsys.readouterr().out
+    said = refused([*command, "--mass", "0.2"], capsys)
+    assert "mass_kg = 0.12 (now 0.2)" in said and "(see --id, --replace)" in said
+    assert content(tmp_path / "m") == before
+    assert main([*command, "--mass", "0.2", "--replace"]) == 0
+    assert read_catalogue(tmp_path / "m" / "objects.toml")["mine-3"].mass_kg == 0.2
+
+
+def test_a_folder_with_a_table_of_masses(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, out = tmp_path / "set", tmp_path / "kit"
+    folder.mkdir()
+    BOX.export(folder / "box.stl")
+    profile().export(folder / "profile.obj")
+    tube().export(folder / "tube.ply")
+    (tmp_path / "masses.csv").write_text("object,mass_kg,friction\nbox,0.12,0.5\ntube.ply,0.1,\n")
+    command = ["add-object", str(folder), "--dataset", "kit", "--pieces", "1", "--out", str(out)]
+    table = ["--mass", str(tmp_path / "masses.csv")]
+    said = refused([*command, *table], capsys)
+    assert "1 of 3 objects are refused, and nothing is written" in said
+    assert "no row for profile.obj" in said and not out.exists()
+    assert main([*command, *table, "--lenient"]) == 0
+    assert "left out: " in capsys.readouterr().err
+    assert main([*command, *table, "--density", "2700"]) == 0
+    catalogue = read_catalogue(out / "objects.toml")
+    assert catalogue["kit-1"].friction == 0.5 and catalogue["kit-3"].mass_kg == 0.1
+    assert catalogue["kit-2"].mass_source.startswith("2700 kg/m³ in ")
+    for options, words in (
+        (["--mass", "0.1"], "but one mass is given"),
+        (["--density", "900", "--label", "x"], "cannot share one label"),
+        ([], "neither is given"),
+    ):
+        assert words in refused([*command, *options], capsys)
+
+
+def test_bop_models_and_built_in_datasets(
+    tmp_path: Path, box: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = tmp_path / "own"
+    density = ["--density", "500"]
+    first = ["add-object", str(box), "--dataset", "own", "--id", "14", *density, "--out", str(root)]
+    assert main(first) == 0
+    command = ["add-object", str(root), "--dataset", "ycbv", *density, "--out", str(tmp_path / "y")]
+    assert main(command) == 0
+    out = capsys.readouterr().out
+    assert "ycbv-14" in out and f"--bop ycbv={root}" in out
+    single = ["add-object", str(box), "--dataset", "ycbv", "--id", "14", *density]
+    assert "is a published dataset" in refused([*single, "--out", str(tmp_path / "z")], capsys)
+    for name in ("a b", "a-b", "a/b", ""):
+        bad = ["add-object", str(box), "--dataset", name, "--id", "1", *density]
+        assert "the dataset's name" in refused([*bad, "--out", str(tmp_path / "z")], capsys)
+    assert not (tmp_path / "z").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--mass", "0.1"], "needs a number"),
+        (["--id", "1"], "neither is given (see --mass, --density)"),
+        (["--id", "1", "--mass", "nan"], "mass is nan kg"),
+        (["--id", "1", "--mass", "310"], "is the mass in grams"),
+        (["--id", "1", "--mass", "no.csv"], "no.csv"),
+        (["--id", "1", "--mass", "0.1", "--unit", "m"], "give unit = 'mm'"),
+        (["--id", "1", "--mass", "0.1", "--friction", "9"], "friction is 9"),
+        (["--id", "1", "--mass", "0.1", "--symmetry", "w"], "the symmetry 'w'"),
+        (["--id", "1", "--mass", "0.1", "--up", "1", "1", "1"], "it topples"),
+    ],
+)
+def test_mistakes_write_nothing(
+    tmp_path: Path,
+    box: Path,
+    options: list[str],
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "out"
+    command = ["add-object", str(box), "--dataset", "mine", *options, "--out", str(out)]
+    assert said in refused(command, capsys)
+    assert not out.exists()
