@@ -227,7 +227,7 @@ def test_one_estimator_learns_from_outcomes_of_others_and_needs_none_of_them(
     assert train(folder, model, *poses, *learned) == 0
     out, err = capsys.readouterr()
     count = SCENES * len(CAMERAS) * 2
-    assert f"beside the principal's: {count} outcomes of b, {count} outcomes of c" in err
+    assert f"also learned from: {count} outcomes of b, {count} outcomes of c" in err
     assert "a alone, one or more views" in out
     assert f"{count} samples, {count} of b, {count} of c" in out
     assert Forecaster.load(model).card.estimators == ("a",)

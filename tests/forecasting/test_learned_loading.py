@@ -51,8 +51,8 @@ def test_it_is_what_complete_data_say(given: Training, outcomes: pl.DataFrame) -
     assert_allclose(found.cam_T_obj, expected.cam_T_obj)
     assert_array_equal(found.success, expected.success)
     count = len(data)
-    said = f"learned from beside the principal's: {count} outcomes of b, {count} outcomes of c"
-    assert inputs.notes == [said]
+    said = f"also learned from: {count} outcomes of b, {count} outcomes of c; the model will not"
+    assert inputs.notes == [f"{said} need these"]
     step = load_learned(inputs, data, outcomes, ("c",))
     again = load_learned(inputs, step, outcomes, ("b",)).learned
     assert again is not None and again.estimators == ("b", "c")

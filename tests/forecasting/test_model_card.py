@@ -72,3 +72,15 @@ def test_the_hash_is_that_of_the_data() -> None:
         dataclasses.replace(samples, estimates=renamed),
     ]
     assert len({hashed, *(card(other).data for other in others)}) == 4
+
+
+def test_from_whom_was_also_learned_is_left_out_where_it_is_nobody() -> None:
+    made = card(synthetic.tried(40))
+    assert ModelCard.from_dict(made.as_dict()) == made
+    assert "learned_from" not in made.as_dict()  # as cards of files of before
+    more = dataclasses.replace(made, learned_from={"c": 30})
+    assert ModelCard.from_dict(more.as_dict()) == more
+    assert more.digest != made.digest
+    for wrong in ({"c": -1}, {"c": 1.5}, ["c"]):
+        with pytest.raises(ValueError, match="the card's learned_from is"):
+            ModelCard.from_dict(more.as_dict() | {"learned_from": wrong})

@@ -72,7 +72,7 @@ def load_learned(
     learned.check(data.truth, data.gripper)
     counts = learned.counts(data.truth)
     said = ", ".join(f"{n} outcomes of {name}" for name, n in counts.items())
-    inputs.notes.append(f"learned from beside the principal's: {said}")
+    inputs.notes.append(f"also learned from: {said}; the model will not need these")
     if data.learned is not None:
         learned = data.learned.joined(learned)
     return replace(data, learned=learned)
