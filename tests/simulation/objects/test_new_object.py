@@ -75,7 +75,7 @@ def test_collision_pieces_of_thin_parts_are_as_thin(
 
 def test_a_hollow_is_measured(tmp_path: Path) -> None:
     hull = made(tmp_path / "tube.stl", tube(), pieces=1)
-    assert hull.collision.sticks_out_m == pytest.approx(0.02, abs=0.003)
+    assert hull.collision.sticks_out_m == pytest.approx(0.02, abs=0.005)
     assert "1 piece, up to" in str(hull.collision)
     assert made(tmp_path / "bracket.stl", bracket(), pieces=4).collision.sticks_out_m < 0.03
 

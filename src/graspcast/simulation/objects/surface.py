@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
+from typing import Any, no_type_check
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -151,8 +151,9 @@ class Surface:
         return apart
 
 
+@no_type_check
 @cached_njit()
-def _nearest(points, triangles, candidates, out):  # type: ignore[no-untyped-def]
+def _nearest(points, triangles, candidates, out):
     """Compute the distance of each point from the nearest of its candidate triangles.
 
     After Ericson, Real-Time Collision Detection, Section 5.1.5.
@@ -164,8 +165,9 @@ def _nearest(points, triangles, candidates, out):  # type: ignore[no-untyped-def
         out[i] = np.sqrt(least)
 
 
+@no_type_check
 @cached_njit()
-def _squared(point, corners):  # type: ignore[no-untyped-def]
+def _squared(point, corners):
     """Return the squared distance of a point from a triangle."""
     d1 = d2 = d3 = aa = bb = cc = pp = 0.0
     for k in range(3):
@@ -187,7 +189,8 @@ def _squared(point, corners):  # type: ignore[no-untyped-def]
     return max(min(first, second, third), 0.0)
 
 
+@no_type_check
 @cached_njit()
-def _share(along, squared):  # type: ignore[no-untyped-def]
+def _share(along, squared):
     """Return where on an edge the foot of a perpendicular lies, from 0 to 1."""
     return min(max(along / squared, 0.0), 1.0) if squared > 0 else 0.0
