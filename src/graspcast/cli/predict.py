@@ -90,6 +90,7 @@ def _predict(options: argparse.Namespace) -> None:
     from graspcast.forecasting.fallbacks import Fallbacks
     from graspcast.forecasting.forecaster import Forecaster
     from graspcast.forecasting.recorded_looks import looks_with_views, verdicts_with_views
+    from graspcast.forecasting.recorded_verdicts import one_view_notes
     from graspcast.forecasting.stage_file import write_stages
     from graspcast.forecasting.verdict_file import write_verdicts
     from graspcast.guarantees.certificate import Certificate
@@ -106,6 +107,7 @@ def _predict(options: argparse.Namespace) -> None:
         "ood_alpha": options.ood_alpha,
     }
     motions = motions_of(options, inputs)
+    inputs.add_notes(one_view_notes(models, options.guide, views=bool(motions)))
     if motions or options.guide is not None or options.max_looks > 1 or options.stages:
         if options.explain:
             raise InputError("--explain is of one view: leave out --camera-poses and --guide")

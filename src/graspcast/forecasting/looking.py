@@ -154,6 +154,7 @@ def run_policy(
         fused, rows = judge_recorded(forecaster, inputs, dataset, motion, stage, **options)
         stages.append([_named(row, looks) for row in rows])
         taken.append(fused.gathered.present.any(axis=2).sum(axis=1))
+    inputs.add_notes(fused.gathered.single_views())
     asked = [[row.verdict.look is not None for row in stage] for stage in stages[:-1]]
     more = np.diff(np.array(taken), axis=0) > 0
     ended = ended_stages(np.array(asked, dtype=bool).reshape(more.shape) & more)
@@ -178,6 +179,7 @@ def run_at_once(
         guides is named ``fused``.
     """
     fused, rows = judge_recorded(forecaster, inputs, dataset, motion, settings, **options)
+    inputs.add_notes(fused.gathered.single_views())
     once = np.ones(len(rows), dtype=np.int64)
     return PolicyRun(fused.instances, rows, once, (rows,), once)
 

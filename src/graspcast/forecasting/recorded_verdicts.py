@@ -25,6 +25,7 @@ __all__ = [
     "fused_of",
     "guides_of",
     "judge_recorded",
+    "one_view_notes",
     "policy_of",
 ]
 
@@ -81,7 +82,7 @@ def fused_of(
         max_views=settings.max_views if motion is not None else 1,
         min_parallax_rad=settings.min_parallax_rad,
     )
-    inputs.notes.extend(text for text in fused.notes if text not in inputs.notes)
+    inputs.add_notes(fused.notes)
     return fused
 
 
@@ -180,3 +181,29 @@ def check_views(
             "camera poses too, or give none here",
             parameters=("model", "camera_poses"),
         )
+
+
+def one_view_notes(
+    forecasters: Iterable[Forecaster], guide: str | None, *, views: bool
+) -> list[str]:
+    """Say where each image is judged alone though several views were asked for or trained with.
+
+    Parameters
+    ----------
+    forecasters
+        Those that judge.
+    guide
+        Whose pose guides the grasps.
+    views
+        Whether there is camera motion.
+    """
+    if views:
+        return []
+    if any(forecaster.view_model is not None for forecaster in forecasters):
+        why = "the model was trained with several views, but there are no camera poses"
+    elif guide == FUSED:
+        why = "the model was trained without views"
+    else:
+        return []
+    instead = "; its principal guides instead of the fused pose" if guide == FUSED else ""
+    return [f"{why}: each image is judged alone{instead}"]
