@@ -244,6 +244,8 @@ def gather(
     for key in sorted(work.rows[work.first]):
         if rules.images is not None and key[:2] not in rules.images:
             continue
+        if key in rules.without:
+            continue
         for est_id, row in enumerate(work.of_image(key)):
             keys.append(InstanceKey(dataset, *key, est_id))
             rows.append(row)
