@@ -61,7 +61,7 @@ def add(verbs: Verbs) -> None:
         default=85,
         help="quality of jpg and webp, 1 to 100 (default: 85)",
     )
-    add_out(verb, "the dataset's directory; its name becomes the dataset's name")
+    add_out(verb, "the dataset's directory; its name becomes the dataset's name", directory=True)
 
 
 def _render(options: argparse.Namespace) -> None:

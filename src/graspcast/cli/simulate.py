@@ -72,7 +72,7 @@ def add(verbs: Verbs) -> None:
     verb.add_argument(
         "--address", metavar="URL", help="address of the Ray cluster, if it is not found"
     )
-    add_out(verb, "directory of the campaign; an interrupted campaign is resumed")
+    add_out(verb, "directory of the campaign; an interrupted campaign is resumed", directory=True)
 
 
 def _executor(options: argparse.Namespace) -> Executor:
