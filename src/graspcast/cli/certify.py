@@ -22,6 +22,7 @@ from graspcast.cli.options import (
     write_json,
 )
 from graspcast.cli.view_options import add_policy, motions_of, policy_options
+from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
@@ -166,7 +167,7 @@ def _of_one_view(
     outcomes = load_outcomes(options.outcomes, estimates.estimators)
     data = TrainingData.join(estimates, outcomes, card.principal, card.gripper)
     if untried := int((~data.is_tried).sum()):
-        inputs.notes.append(f"left out {untried} instances without an outcome")
+        inputs.notes.append(f"left out {counted(untried, 'instance')} without an outcome")
     return certify_forecaster(forecaster, data, models=inputs.models, **asdict(asked))
 
 

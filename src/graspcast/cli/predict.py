@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text
 from graspcast.cli.options import (
@@ -18,6 +20,10 @@ from graspcast.cli.options import (
 )
 from graspcast.cli.view_options import add_policy, motions_of, policy_options
 from graspcast.errors import InputError
+from graspcast.io.wording import counted
+
+if TYPE_CHECKING:
+    from graspcast.forecasting.verdict import VerdictRow
 
 __all__ = ["add"]
 
@@ -124,13 +130,17 @@ def _predict(options: argparse.Namespace) -> None:
     write_verdicts(options.out, rows)
     warnings = (f"Warning: {text}." for model in models for text in model.card.warnings)
     note(*inputs.notes, *inputs.lengths, *warnings)
+    _print_counts(options.out, rows)
+    for certificate in certificates:
+        print_text(str(certificate.overall))
+
+
+def _print_counts(path: Path, rows: Sequence[VerdictRow]) -> None:
     attempts = sum(row.verdict.attempt for row in rows)
     again = sum(row.verdict.look is not None for row in rows)
     unusual = sum(row.verdict.out_of_distribution is True for row in rows)
     print_text(
-        f"{options.out}: {len(rows)} verdicts, {attempts} to attempt"
+        f"{path}: {counted(len(rows), 'verdict')}, {attempts} to attempt"
         + (f", {again} to look again" if again else "")
         + (f", {unusual} out of distribution" if unusual else "")
     )
-    for certificate in certificates:
-        print_text(str(certificate.overall))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from graspcast.cli.console import print_text, progress_bar
 from graspcast.cli.options import Verbs, add_out, new_verb
+from graspcast.io.wording import counted
 
 __all__ = ["add"]
 
@@ -89,4 +90,4 @@ def _render(options: argparse.Namespace) -> None:
                 split=options.split,
                 progress=move,
             )
-    print_text(f"{options.out}: {settings.scenes * settings.images} images")
+    print_text(f"{options.out}: {counted(settings.scenes * settings.images, 'image')}")

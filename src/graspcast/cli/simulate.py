@@ -15,6 +15,7 @@ from graspcast.cli.options import (
     new_verb,
     note_sizes,
 )
+from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
@@ -158,4 +159,4 @@ def _simulate(options: argparse.Namespace) -> None:
     counts = reason_counts(outcomes)
     rows = [(name, hand, f"{rate:.3f}", *map(str, n)) for name, hand, rate, *n in counts.rows()]
     print_table("Outcomes", counts.columns, rows)
-    print_text(f"{options.out}: {len(outcomes)} trials")
+    print_text(f"{options.out}: {counted(len(outcomes), 'trial')}")

@@ -26,6 +26,7 @@ from graspcast.forecasting.verdict import Verdict, VerdictRow
 from graspcast.forecasting.view_verdicts import FUSED
 from graspcast.guarantees.certificate import Certificate
 from graspcast.io.arguments import NAME, a, checked, mapping, number
+from graspcast.io.wording import counted
 from graspcast.pose.transforms import compose
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.fused_estimates import FusedEstimates
@@ -153,7 +154,7 @@ class Episodes:
         self._tracks, self._count = Tracks(), 0
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.dataset}, {self._count} looks)"
+        return f"{type(self).__name__}({self.dataset}, {counted(self._count, 'look')})"
 
     def forget(self) -> None:
         """Forget all looks, as when an object was moved."""

@@ -58,7 +58,7 @@ class PolicyRun:
     def __repr__(self) -> str:
         counts = np.bincount(self.looks, minlength=2)[1:].tolist()
         said = ", ".join(f"{n} after {i}" for i, n in enumerate(counts, 1))
-        return f"PolicyRun({len(self.rows)} instances by looks: {said})"
+        return f"PolicyRun({counted(len(self.rows), 'instance')} by looks: {said})"
 
     @property
     def each(self) -> list[InstanceLooks]:

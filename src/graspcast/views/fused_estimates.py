@@ -22,6 +22,7 @@ from graspcast.estimates.checks import (
 )
 from graspcast.estimates.instances import KEY_COLUMNS, Instances
 from graspcast.io.arguments import NAME, a, checked, mapping, number
+from graspcast.io.wording import counted
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.choice import MIN_PARALLAX_RAD, ViewRules, ViewsFrom
 from graspcast.views.fusion import FusedPoses, fuse_poses
@@ -44,6 +45,7 @@ __all__ = [
 ]
 
 _HALF_SCORE_M = 0.01
+_CONTRADICT = ("that contradicts", "that contradict")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -144,29 +146,30 @@ class FusedEstimates:
         """Say how many views entered, and what was dropped and why, in words."""
         used, dropped = self.poses.used, self.poses.dropped
         counts = ", ".join(
-            f"{int((self.views == v).sum())} from {v} view{'s' if v > 1 else ''}"
+            f"{int((self.views == v).sum())} from {counted(int(v), 'view')}"
             for v in np.unique(self.views)
         )
-        lines = [f"{len(self)} instances: {counts}", *self.gathered.single_views()]
+        lines = [f"{counted(len(self), 'instance')}: {counts}", *self.gathered.single_views()]
         views = int((_any(dropped) & ~_any(used)).sum())
         own = int((~_any(used)[:, 0]).sum())
         alone = int((dropped & _any(used)[..., None]).sum())
         if views:
             lines.append(
-                f"dropped {views} views that contradict the others (a moved object, a wrong "
-                "association or a gross error)"
+                f"dropped {counted(views, 'view', *_CONTRADICT)} the others (a moved object, a "
+                "wrong association or a gross error)"
             )
         if own:
             lines.append(
-                f"of these, {own} are the judged image's own: if objects may have been moved "
-                "before it, do not rely on these poses (own_image_dropped)"
+                f"of these, {own} {'is' if own == 1 else 'are'} the judged image's own: if objects "
+                "may have been moved before it, do not rely on these poses (own_image_dropped)"
             )
         if alone:
             names = [
                 f"{name} {int((dropped & _any(used)[..., None])[..., k].sum())}"
                 for k, name in enumerate(self.estimators)
             ]
-            lines.append(f"dropped {alone} estimates that contradict the rest: {', '.join(names)}")
+            which = counted(alone, "estimate", *_CONTRADICT)
+            lines.append(f"dropped {which} the rest: {', '.join(names)}")
         return lines
 
 
