@@ -84,8 +84,8 @@ def test_a_missing_extra_is_named_and_leaves_nothing_behind(
     [
         ("held", 0.0032, "held, moved 3.2 mm in the hand"),
         ("slipped", 0.035, "slipped, moved 35 mm in the hand"),
-        ("missed", 1.48, "missed, 1.48 m behind after the full lift"),
-        ("dropped", 1.5, "dropped, 1.50 m behind after the full lift"),
+        ("missed", 1.48, "missed, object 1.48 m behind after the full lift"),
+        ("dropped", 1.5, "dropped, object 1.50 m behind after the full lift"),
         ("blocked", float("nan"), "blocked"),
     ],
 )

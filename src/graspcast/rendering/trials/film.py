@@ -40,7 +40,7 @@ def describe(outcome: Outcome) -> str:
         return outcome.reason
     far = _length(outcome.offset_m)
     if outcome.reason in ("dropped", "missed"):
-        return f"{outcome.reason}, {far} behind after the full lift"
+        return f"{outcome.reason}, object {far} behind after the full lift"
     return f"{outcome.reason}, moved {far} in the hand"
 
 
