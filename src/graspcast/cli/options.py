@@ -244,10 +244,16 @@ def add_ood_alpha(verb: argparse.ArgumentParser, what: str) -> None:
     verb.add_argument("--ood-alpha", metavar="P", type=share, default=0.01, help=what)
 
 
-def add_out(verb: argparse.ArgumentParser, what: str, *, directory: bool = False) -> None:
-    """``--out PATH``, required: a file, or a directory."""
+def add_out(
+    verb: argparse.ArgumentParser,
+    what: str,
+    *,
+    directory: bool = False,
+    others: tuple[str, ...] = (),
+) -> None:
+    """``--out PATH``, required: a file, or a directory; ``others`` name further files written."""
     verb.add_argument("--out", metavar="PATH", type=Path, required=True, help=what)
-    verb.set_defaults(directories=("out",) if directory else ())
+    verb.set_defaults(directories=("out",) if directory else (), outputs=others)
 
 
 def add_outcomes(

@@ -89,8 +89,7 @@ def add(verbs: Verbs) -> None:
         "verdicts after each look to this CSV, with the columns instance, looks and ended; --out "
         "then holds the verdicts at which looking ended",
     )
-    verb.set_defaults(outputs=("stages",))
-    add_out(verb, "the verdicts' CSV")
+    add_out(verb, "the verdicts' CSV", others=("stages",))
 
 
 def _predict(options: argparse.Namespace) -> None:
