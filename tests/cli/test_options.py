@@ -63,7 +63,7 @@ def test_a_dataset_given_twice(world: Path, capsys: pytest.CaptureFixture[str]) 
 
 def test_only_some_scenes(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(train(world, "--folds", "0", "--scenes", "0-2", "4")) == 0
-    assert "1 objects, 40 samples" in capsys.readouterr().out
+    assert "1 object, 40 samples" in capsys.readouterr().out
     assert main(predict(world, "--scenes", "3", "5")) == 0
     scenes = pl.read_csv(world / "v.csv")["scene_id"]
     assert sorted(set(scenes.to_list())) == [3, 5]
