@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from graspcast.bop.summary import counted, summary
+from graspcast.bop.summary import summary
+from graspcast.io.wording import counted
 from poses import random_poses, results_of
 
 

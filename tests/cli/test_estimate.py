@@ -104,7 +104,7 @@ def test_the_verb_counts_what_it_leaves_out(
     printed = capsys.readouterr()
     assert "left out 1 (object without a model)" in printed.err
     assert "left out 1 (bad entry)" in printed.err
-    assert "1 poses in 1 images, from 1 detections in 1" in printed.out
+    assert "1 pose in 1 image, from 1 detection in 1" in printed.out
 
 
 @pytest.mark.parametrize("seconds", ["0", "-1", "nan", "inf", "soon"])

@@ -123,3 +123,21 @@ def test_motion_from_the_estimates_of_other_objects(
     both = refused([*given, "--camera-poses", str(scene / "cameras.csv")], capsys)
     assert "either that of the camera poses or taken from estimates" in both
     assert "(see --camera-poses, --motion-from)" in both
+
+
+def test_a_value_of_the_wrong_kind_is_told_by_its_option(
+    scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = refused(arguments(scene, "--max-views", "2000"), capsys)
+    assert "fuse: --max-views should be a number from 1 to 1000, not 2000" in said
+    assert "fuse_estimates" not in said
+
+
+def test_one_instance_is_no_plural(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for seed, name in enumerate("ab"):
+        first = estimates_of(scattered(POSES[:1, :1], seed))
+        write_results(scene / f"{name}_made-test.csv", first)
+    assert main(arguments(scene)) == 0
+    out = capsys.readouterr().out
+    assert "1 instance: 1 from 1 view\n" in out
+    assert "single views: 1 instance has no earlier image" in out

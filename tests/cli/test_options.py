@@ -63,7 +63,7 @@ def test_a_dataset_given_twice(world: Path, capsys: pytest.CaptureFixture[str]) 
 
 def test_only_some_scenes(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(train(world, "--folds", "0", "--scenes", "0-2", "4")) == 0
-    assert "1 objects, 40 samples" in capsys.readouterr().out
+    assert "1 object, 40 samples" in capsys.readouterr().out
     assert main(predict(world, "--scenes", "3", "5")) == 0
     scenes = pl.read_csv(world / "v.csv")["scene_id"]
     assert sorted(set(scenes.to_list())) == [3, 5]
@@ -78,6 +78,33 @@ def test_outputs_that_cannot_be_written(world: Path, capsys: pytest.CaptureFixtu
     (world / "file").write_text("")
     said = refused([*train(world, "--folds", "0"), "--out", str(world / "file" / "m.npz")], capsys)
     assert "cannot be written" in said
+
+
+def test_all_outputs_are_checked_before_the_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(write_csv(tmp_path / "a_x-test.csv", ROW))
+    folder, side = tmp_path / "folder", tmp_path / "side.csv"
+    folder.mkdir()
+    estimates = ["--estimates", f"a={path}"]
+    trained = [*estimates, "--principal", "a", "--gripper", "g", "--outcomes", path]
+    model = [*estimates, "--model", str(tmp_path / "no.npz")]
+    for verb, out, other in (
+        (["fuse", *estimates], "--out", "--covariances"),
+        (["fuse", *estimates], "--covariances", "--out"),
+        (["predict", *model], "--out", "--stages"),
+        (["predict", *model], "--stages", "--out"),
+        (["train", *trained], "--out", "--json"),
+        (["train", *trained], "--json", "--out"),
+        (["certify", *model, "--outcomes", path], "--json", "--out"),
+        (["score", "--verdicts", path, "--outcomes", path], "--json", ""),
+    ):
+        rest = [other, str(side)] if other else []
+        said = refused([*verb, out, str(folder), *rest], capsys)
+        assert f"is a directory, and would be replaced (see {out})" in said
+        said = refused([*verb, out, str(Path(path) / "deep" / "x"), *rest], capsys)
+        assert "cannot be written" in said and f"(see {out})" in said
+        assert not side.exists()
 
 
 def test_a_missing_directory_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

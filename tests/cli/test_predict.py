@@ -27,7 +27,7 @@ def test_from_estimates_to_verdicts(world: Path, capsys: pytest.CaptureFixture[s
     assert main(train(world, "--folds", "3", "--json", str(world / "card.json"))) == 0
     out, _ = capsys.readouterr()
     assert "unseen scenes" in out
-    assert "a with b, c, parallel gripper, 1 objects, 60 samples" in out
+    assert "a with b, c, parallel gripper, 1 object, 60 samples" in out
     card = json.loads((world / "card.json").read_text())["card"]
     assert card["scores"]["unseen_scenes"]["n"] == 60
     assert card["versions"]["graspcast"] == graspcast.__version__

@@ -175,6 +175,74 @@ def test_looking_again_is_scored_certified_predicted_and_monitored(
     )
 
 
+def half_of_the_images(root: Path, out: Path) -> Path:
+    """Write the camera poses of every other image, and of the last one alone in the first scene."""
+    header, *rows = (root / "cameras.csv").read_text().splitlines()
+    keys = [row.split(",")[:2] for row in rows]
+    last = str(len(CAMERAS) - 1)
+    kept = [i == last if s == "1" else int(i) % 2 == 0 for s, i in keys]
+    out.write_text("\n".join([header, *(row for row, k in zip(rows, kept, strict=True) if k)]))
+    return out
+
+
+def test_single_views_are_counted_once_where_camera_poses_are_missing(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    half = half_of_the_images(folder, tmp_path / "half.csv")
+    poses = ("--camera-poses", str(half), "--views-from", "all")
+    fuse = ["fuse", *inputs(folder), *poses, "--out", str(tmp_path / "fused_d-test.csv")]
+    assert main(fuse) == 0
+    lines = [
+        line for line in capsys.readouterr().out.splitlines() if line.startswith("single views")
+    ]
+    # Two objects: without a pose, four images of the first scene and two of each other one.
+    assert len(lines) == 2
+    assert lines[0].startswith(f"single views: {2 * (4 + 2 * (SCENES - 1))} instances have no cam")
+    assert (
+        lines[1] == "single views: 2 instances have no other image with an estimate of the object"
+    )
+
+    model, stages = tmp_path / "m.npz", tmp_path / "stages.csv"
+    looking = ("--guide", "fused", "--max-looks", "3", "--stages", str(stages))
+    assert train(folder, model, *poses) == 0
+    assert [
+        x for x in capsys.readouterr().err.splitlines() if x.startswith("single views")
+    ] == lines
+    for more in ((), looking):
+        predict(folder, model, *poses, *more)
+        err = capsys.readouterr().err.splitlines()
+        assert [x for x in err if x.startswith("single views")] == lines
+        assert not any("judged alone" in line for line in err)
+    trials = trials_of(stages, tmp_path / "trials.csv")
+    certify = ["certify", *inputs(folder), "--model", str(model), "--outcomes", str(trials)]
+    certify += ["--unit", "image", "--allow-training-scenes", "--out", str(tmp_path / "c.json")]
+    assert main([*certify, *poses, "--guide", "fused", "--max-looks", "3"]) == 0
+    assert [
+        x for x in capsys.readouterr().err.splitlines() if x.startswith("single views")
+    ] == lines
+
+    said = "there are no camera poses: each image is judged alone"
+    for more in ((), ("--guide", "fused")):
+        predict(folder, model, *more)
+        err = capsys.readouterr().err
+        assert err.count(said) == 1
+        assert ("its principal guides instead of the fused pose" in err) is bool(more)
+    certify[certify.index(str(trials))] = str(folder / "outcomes.csv")
+    assert main([*certify, "--guide", "b"]) == 0
+    assert capsys.readouterr().err.count(said) == 1
+
+
+def test_a_model_without_views_says_so_where_the_fused_pose_should_guide(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert train(folder, tmp_path / "m.npz") == 0
+    predict(folder, tmp_path / "m.npz")
+    assert "trained without views" not in capsys.readouterr().err
+    predict(folder, tmp_path / "m.npz", "--guide", "fused")
+    said = "trained without views: each image is judged alone; its principal guides instead"
+    assert capsys.readouterr().err.count(said) == 1
+
+
 def test_one_estimator_is_enough_with_views(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

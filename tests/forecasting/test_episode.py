@@ -120,8 +120,13 @@ def test_without_camera_poses_the_last_look_counts(world: World) -> None:
 
 def test_a_model_without_views_answers_from_the_last_look(world: World) -> None:
     episode = Episode(world.without_views, "d-2", models=world.models, threshold=0.7)
-    episode.look(poses(0), CAMERAS[0])
+    said = "the model was trained without views: the last look alone counts"
+    assert said not in episode.look(poses(0), CAMERAS[0]).notes
     verdict = episode.look(poses(1), CAMERAS[1])
+    assert verdict.notes.count(said) == 1
+    fused = Episode(world.without_views, "d-2", models=world.models, guide="fused")
+    assert said in fused.look(poses(0), CAMERAS[0]).notes
+    assert said not in world.episode(guide="fused").look(poses(0), CAMERAS[0]).notes
     assert (verdict.views, verdict.look) == (1, None)
     assert "one view" in verdict.reason
     single = world.without_views.predict(poses(1), "d-2", threshold=0.7, models=world.models)

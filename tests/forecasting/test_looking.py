@@ -69,7 +69,7 @@ def test_at_threshold_1_none_is_attempted_that_is_not_certain(world: World) -> N
 def test_one_look_is_the_verdict_of_a_single_image(world: World) -> None:
     settings = ViewSettings(guide="a", views_from="all")
     run = world.run(0.7, guide="a", max_looks=1)
-    fused = fused_of(world.forecaster, world.inputs(), "d", None, settings)
+    (fused,) = fused_of(world.forecaster, world.inputs(), "d", None, settings)
     judged = world.forecaster.judge(
         fused, world.inputs().models, guide="a", threshold=0.7, ood_alpha=0.0
     )
@@ -122,7 +122,7 @@ def test_the_looks_of_a_stage_hold_those_of_the_stage_before(world: World) -> No
             "d",
             MOTION,
             ViewSettings(views_from="all", max_views=most),
-        ).gathered.present.any(axis=2)
+        )[0].gathered.present.any(axis=2)
         for most in (1, 2, 3)
     ]
     assert [int(present.sum(axis=1).max()) for present in given] == [1, 2, 3]

@@ -10,7 +10,7 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.errors import MismatchError
 from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.fallbacks import Fallbacks
-from graspcast.forecasting.recorded_looks import verdicts_with_views
+from graspcast.forecasting.recorded_looks import looks_with_views, verdicts_with_views
 from graspcast.forecasting.recorded_verdicts import ViewSettings
 from looked_at import trained, training
 
@@ -64,3 +64,36 @@ def test_no_further_model_answers_for_an_object_that_moved(
     moved = [row for row in rows if "the object was moved" in row.verdict.reason]
     assert moved
     assert not any(row.verdict.attempt for row in moved)
+
+
+def test_what_the_principal_lacks_is_judged_by_the_views_of_others(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    root = tmp_path_factory.mktemp("given") / "d"
+    given = training(root / "models")
+    with pytest.warns(match="not calibrated"):
+        forecaster, _ = trained(tmp_path_factory.mktemp("views"))
+    a = given.results["a"]
+    here = (a.scene_id == 1) & (a.im_id == 2)
+    settings = ViewSettings(views_from="all", guide="fused")
+    for kept, images in ((~here, {2}), (a.scene_id > 1, {0, 1, 2, 3, 4}), (a.scene_id < 0, None)):
+        inputs = Inputs({"d": BopDataset(root)}, {"d": given.results | {"a": a.select(kept)}})
+        asked = Fallbacks([forecaster]), inputs, {"d": given.motion}
+        rows = verdicts_with_views(*asked, settings, threshold=0.0)
+        assert len(rows) == len(given.data)
+        assert {(row.views, row.principal) for row in rows} == {(3, "fused")}
+        assert any(row.verdict.attempt for row in rows)
+        if images is None:
+            continue
+        said = [text for text in inputs.notes if "lacks" in text]
+        assert said == [f"judged {2 * len(images)} instances that a lacks and b has"]
+        # From one view there is no forecast without the principal.
+        looks = looks_with_views(*asked, replace(settings, max_looks=2), threshold=0.9)
+        mine = [x for x in looks if x.rows[0].key.scene_id == 1 and x.rows[0].key.im_id in images]
+        assert len(mine) == 2 * len(images)
+        for each in mine:
+            assert "no estimate by a; one view" in each.rows[0].verdict.reason
+            assert each.rows[0].principal == "b" and each.rows[1].principal == "fused2"
+        # Another guide than the fused pose has its own instances alone.
+        own = verdicts_with_views(*asked, replace(settings, guide=None))
+        assert len(own) == int(kept.sum())

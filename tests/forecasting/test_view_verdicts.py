@@ -10,8 +10,8 @@ import pytest
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError, UnknownNameError
+from graspcast.forecasting.contradictions import CONTRADICTED, MOVED
 from graspcast.forecasting.forecaster import Forecaster
-from graspcast.forecasting.view_verdicts import MOVED
 from graspcast.pose.transforms import compose, invert
 from graspcast.views.camera_motion import CameraMotion
 from graspcast.views.fused_estimates import FusedEstimates
@@ -124,6 +124,29 @@ def test_an_object_that_was_moved_before_the_judged_image_is_not_attempted(world
     rows = world.forecaster.judge(some, world.models, guide="fused", threshold=0.0)
     mine = [r for r in rows if (r.key.im_id, r.key.obj_id) == (last, 1)]
     assert not mine[0].verdict.attempt and MOVED in mine[0].verdict.reason
+
+
+def test_of_two_views_that_contradict_each_other_none_is_attempted(world: World) -> None:
+    apart = POSES.copy()
+    apart[1, 0, 0, 3] += 0.1
+    tables = {n: estimates_of(scattered(apart, 800 + k)) for k, n in enumerate(NAMES)}
+    pair = {n: t.select((t.im_id < 2) & (t.obj_id == 1)) for n, t in tables.items()}
+    some = fused(pair, world.models, world.motion)
+    assert some.views.tolist() == [1, 1]
+    for forecaster in (world.forecaster, world.without):
+        for guide in ("a", "fused", "best"):
+            for row in forecaster.judge(some, world.models, guide=guide, threshold=0.0):
+                assert not row.verdict.attempt and row.verdict.probability is None
+                assert row.verdict.reason == f"{CONTRADICTED}; one view"
+    again = world.forecaster.judge(some, world.models, threshold=0.0, max_looks=3)
+    assert all(row.verdict.look is not None for row in again)
+    assert all("no third decides" in row.verdict.reason for row in again)
+    # A third view that agrees with one of them decides.
+    three = {n: t.select((t.im_id < 3) & (t.obj_id == 1)) for n, t in tables.items()}
+    rows = world.forecaster.judge(fused(three, world.models, world.motion), world.models)
+    said = {row.key.im_id: row for row in rows}
+    assert MOVED in said[1].verdict.reason
+    assert said[0].verdict.probability is not None and said[0].views == 2
 
 
 def test_what_was_not_trained_so_is_refused_or_said(world: World) -> None:

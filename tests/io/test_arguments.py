@@ -82,3 +82,15 @@ def test_arguments_are_found_in_every_place() -> None:
     for wrong in (lambda: made(1), lambda: made("a", 1, size=-1)):  # type: ignore[arg-type]
         with pytest.raises(InputError):
             wrong()
+
+
+def test_a_class_is_named_without_its_constructor() -> None:
+    @checked(value=number())
+    class Made:
+        @checked(value=number())
+        def __init__(self, value: object):
+            self.value = value
+
+    with pytest.raises(InputError, match=r"\bMade: value should be a number, not 'x'") as caught:
+        Made("x")
+    assert "__init__" not in str(caught.value)

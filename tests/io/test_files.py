@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from graspcast.errors import InputError
-from graspcast.io.files import atomic_write, sweep, temporary_directory, write_text
+from graspcast.io.files import atomic_write, check_target, sweep, temporary_directory, write_text
 
 
 def names(folder: Path) -> list[str]:
@@ -197,3 +197,15 @@ def test_long_names_can_be_written(tmp_path: Path) -> None:
     path = tmp_path / ("n" * 250 + ".txt")
     write_text(path, "x")
     assert path.read_text() == "x"
+
+
+def test_a_target_is_checked_without_being_made(tmp_path: Path) -> None:
+    check_target(tmp_path / "new" / "folder" / "x.csv")
+    assert not (tmp_path / "new").exists()
+    (tmp_path / "file").write_text("")
+    check_target(tmp_path / "file")
+    with pytest.raises(InputError, match="is a directory") as caught:
+        check_target(tmp_path, "json")
+    assert caught.value.parameters == ("json",)
+    with pytest.raises(InputError, match="file is no directory"):
+        check_target(tmp_path / "file" / "x.csv")

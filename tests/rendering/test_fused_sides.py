@@ -47,7 +47,8 @@ def test_what_is_written_and_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
         "a, left image alone",
         "a, right image alone",
     ]
-    assert legend[2].startswith("fused, ") and legend[2].endswith("mm off")
+    assert legend[2].startswith("fused from 3 images, two shown: ")
+    assert legend[2].endswith("mm off")
     truth = dataset.ground_truth
     row = np.flatnonzero((truth.scene_id == SCENE) & (truth.im_id == 0) & (truth.obj_id == OBJECT))
     off = 1000 * np.linalg.norm(

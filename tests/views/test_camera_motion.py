@@ -28,7 +28,7 @@ def test_motion_between_two_images() -> None:
     np.testing.assert_allclose(
         motion.between(7, 0, 2), compose(invert(cameras[0]), cameras[2]), atol=1e-12
     )
-    assert repr(motion) == "CameraMotion(3 images of 1 scenes, camera poses)"
+    assert repr(motion) == "CameraMotion(3 images of 1 scene, camera poses)"
     with pytest.raises(InputError, match="no camera pose of image 7/9"):
         motion.between(7, 0, 9)
 

@@ -14,7 +14,7 @@ import pytest
 
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import read_results, write_results
-from graspcast.errors import GraspcastError, InputError, MismatchError, UnknownNameError
+from graspcast.errors import GraspcastError, InputError, MismatchError
 from graspcast.estimates.instances import KEY_COLUMNS
 from graspcast.estimates.matching import match
 from graspcast.pose.transforms import rotation_from_vector, transform
@@ -130,7 +130,7 @@ def test_no_motion_and_other_scenes() -> None:
 def test_wrong_arguments_are_refused(given: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=says):
         fused(**given)
-    with pytest.raises(UnknownNameError):
+    with pytest.raises(InputError, match="there are no estimates to fuse"):
         fuse_estimates({}, None, dataset="d")
 
 

@@ -137,7 +137,7 @@ def test_without_camera_poses_looks_are_single_views() -> None:
     assert found.views.tolist() == [1]
     found = fuse_looks([by_name(0), replace_camera(by_name(1), None)])
     assert found.views.tolist() == [1]
-    assert any("have no camera pose" in line for line in found.summary())
+    assert any("1 instance has no camera pose" in line for line in found.summary())
 
 
 def replace_camera(look: Look, pose: Any) -> Look:

@@ -59,7 +59,7 @@ def test_a_known_motion_is_recovered() -> None:
     assert found.im_id.tolist() == list(range(1, 8)) and not found.left_out
     np.testing.assert_allclose(found.cam_T_view, true_motion(found.im_id), atol=1e-9)
     assert isinstance(motion, Motion) and motion.scenes == {1}
-    assert repr(motion) == "ObjectMotion(8 images of 1 scenes, ground truth)"
+    assert repr(motion) == "ObjectMotion(8 images of 1 scene, ground truth)"
 
 
 def test_in_rearranged_scenes_the_motion_is_that_of_the_objects_that_moved_along() -> None:

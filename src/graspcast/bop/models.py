@@ -15,7 +15,6 @@ from numpy import ndarray
 
 from graspcast.bop.meshes import Mesh, read_mesh
 from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
-from graspcast.bop.summary import counted
 from graspcast.bop.unit_checks import (
     diameter_problem,
     distance_problem,
@@ -27,6 +26,7 @@ from graspcast.bop.units import metres
 from graspcast.errors import FormatError, UnknownNameError
 from graspcast.io.arguments import PATH, checked
 from graspcast.io.json import by_identifier, numbers, read_json, require
+from graspcast.io.wording import counted
 from graspcast.pose.lengths import between
 from graspcast.pose.sanity import is_placeholder
 from graspcast.pose.transforms import rotation_from_vector, transform

@@ -8,7 +8,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy import ndarray
 
-__all__ = ["counted", "summary"]
+from graspcast.io.wording import counted
+
+__all__ = ["summary"]
 
 
 @runtime_checkable
@@ -21,11 +23,6 @@ class _Table(Protocol):
     def obj_id(self) -> ndarray: ...
     @property
     def source(self) -> str: ...
-
-
-def counted(count: int, noun: str) -> str:
-    """Return a number and its noun: ``"1 pose"``, ``"2 poses"``."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def summary(table: _Table, noun: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import io
 import os
+import re
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -104,8 +105,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
         return code
     except GraspcastError as error:
-        hint = _options_of(arguments_parser, options.verb, error.parameters)
-        print(f"graspcast {options.verb}: {error}{hint}", file=sys.stderr)  # noqa: T201
+        told = _with_options(arguments_parser, options.verb, error)
+        print(f"graspcast {options.verb}: {told}", file=sys.stderr)  # noqa: T201
         return 2
     except KeyboardInterrupt:
         print(f"graspcast {options.verb}: interrupted", file=sys.stderr)  # noqa: T201
@@ -136,9 +137,18 @@ def verb_parsers(top: argparse.ArgumentParser) -> dict[str, argparse.ArgumentPar
     return dict(verbs.choices)
 
 
-def _options_of(top: argparse.ArgumentParser, verb: str, parameters: Sequence[str]) -> str:
-    """Return the verb's options that belong to an error's parameters, as `` (see --a, --b)``."""
+def _with_options(top: argparse.ArgumentParser, verb: str, error: GraspcastError) -> str:
+    """Return an error's message with the verb's options that belong to its parameters.
+
+    As `` (see --a, --b)`` at the end; a value of the wrong kind is the option's, and no function's.
+    """
     actions = verb_parsers(top)[verb]._actions
     by_name = {a.dest: a.option_strings[-1] for a in actions if a.option_strings}
-    options = [by_name[name] for name in parameters if name in by_name]
-    return f" (see {', '.join(options)})" if options else ""
+    names = [name for name in error.parameters if name in by_name]
+    text = str(error)
+    if len(names) == 1:
+        of_function = re.fullmatch(rf"[A-Za-z_][\w.]*: {names[0]} (should be .*)", text, re.DOTALL)
+        if of_function:
+            return f"{by_name[names[0]]} {of_function[1]}"
+    options = [by_name[name] for name in names]
+    return text + (f" (see {', '.join(options)})" if options else "")

@@ -22,6 +22,7 @@ from graspcast.cli.options import (
     write_json,
 )
 from graspcast.cli.view_options import add_policy, motions_of, policy_options
+from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
@@ -114,6 +115,7 @@ def _add_guarantee_options(verb: argparse.ArgumentParser) -> None:
 def _certify(options: argparse.Namespace) -> None:
     from graspcast.evaluation.certification import GuaranteeOptions
     from graspcast.forecasting.forecaster import Forecaster
+    from graspcast.forecasting.recorded_verdicts import one_view_notes
 
     forecaster = Forecaster.load(options.model)
     alone = forecaster.visibility
@@ -135,6 +137,9 @@ def _certify(options: argparse.Namespace) -> None:
     several = options.camera_poses or options.guide is not None or options.max_looks > 1
     certified = _with_views if several else _of_one_view
     certificate = certified(options, forecaster, inputs, asked)
+    # Where camera poses are given, the forecaster was trained with them, or they were refused.
+    views = bool(options.camera_poses)
+    inputs.add_notes(one_view_notes([forecaster], options.guide, views=views))
     note(*inputs.notes, *inputs.lengths)
     seen = certificate.provenance["training_scenes"]
     if seen is None:
@@ -162,7 +167,7 @@ def _of_one_view(
     outcomes = load_outcomes(options.outcomes, estimates.estimators)
     data = TrainingData.join(estimates, outcomes, card.principal, card.gripper)
     if untried := int((~data.is_tried).sum()):
-        inputs.notes.append(f"left out {untried} instances without an outcome")
+        inputs.notes.append(f"left out {counted(untried, 'instance')} without an outcome")
     return certify_forecaster(forecaster, data, models=inputs.models, **asdict(asked))
 
 

@@ -18,6 +18,7 @@ from graspcast.cli.options import (
 )
 from graspcast.cli.view_options import add_views, fusion_options, motions_of
 from graspcast.errors import InputError
+from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -249,7 +250,7 @@ def _told(seen: Seen, found: ViewWorth) -> str:
     names, views = seen
     who = " and ".join(names) if len(names) > 1 else f"{names[0]} alone"
     who = "all" if names == found.estimators else who
-    return f"{who}, {views} view{'s' if views > 1 else ''}"
+    return f"{who}, {counted(views, 'view')}"
 
 
 def _rows(word: str, differences: Mapping[str, PairedDifference]) -> list[list[str]]:

@@ -52,6 +52,7 @@ def add(verbs: Verbs) -> None:
         default=Path("graspcast-demo"),
         help="where everything is put (default: graspcast-demo)",
     )
+    verb.set_defaults(directories=("out",))
     verb.add_argument(
         "--data",
         metavar="DIR",

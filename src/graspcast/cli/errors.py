@@ -16,6 +16,7 @@ from graspcast.cli.options import (
     new_verb,
     write_json,
 )
+from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -84,7 +85,8 @@ def _errors(options: argparse.Namespace) -> None:
 
             errors = measure(results, inputs.datasets[dataset], only=only, progress=step)
             if without := len(results) - len(errors):
-                inputs.notes.append(f"{results.source}: {without} estimates have no ground truth")
+                lacking = counted(without, "estimate", "has", "have")
+                inputs.notes.append(f"{results.source}: {lacking} no ground truth")
             figures[dataset, estimator] = summarise(errors)
             names = (pl.lit(estimator).alias("estimator"), pl.lit(dataset).alias("dataset"))
             parts.append(errors.select(*names, pl.all()))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from graspcast.cli.console import note, print_text, progress_bar
 from graspcast.cli.options import Verbs, add_out, new_verb
 from graspcast.errors import InputError, MismatchError, UnknownNameError
+from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
     from graspcast.bop.dataset import BopDataset
@@ -126,8 +127,8 @@ def _estimate(options: argparse.Namespace) -> None:
             f"{without} of {len(asked)} images with detections have no pose; is the file complete?"
         )
     print_text(
-        f"{options.out}: {len(results)} poses in {len(answered)} images, from {len(detections)} "
-        f"detections in {len(asked)}"
+        f"{options.out}: {counted(len(results), 'pose')} in {counted(len(answered), 'image')}, "
+        f"from {counted(len(detections), 'detection')} in {len(asked)}"
     )
 
 

@@ -244,9 +244,16 @@ def add_ood_alpha(verb: argparse.ArgumentParser, what: str) -> None:
     verb.add_argument("--ood-alpha", metavar="P", type=share, default=0.01, help=what)
 
 
-def add_out(verb: argparse.ArgumentParser, what: str) -> None:
-    """``--out PATH``, required."""
+def add_out(
+    verb: argparse.ArgumentParser,
+    what: str,
+    *,
+    directory: bool = False,
+    others: tuple[str, ...] = (),
+) -> None:
+    """``--out PATH``, required: a file, or a directory; ``others`` name further files written."""
     verb.add_argument("--out", metavar="PATH", type=Path, required=True, help=what)
+    verb.set_defaults(directories=("out",) if directory else (), outputs=others)
 
 
 def add_outcomes(
@@ -324,28 +331,36 @@ _OUTPUTS = ("out", "json", "state", "covariances")
 
 
 def check_outputs(options: argparse.Namespace) -> None:
-    """Raise unless every file that is written is another than those that are read.
+    """Raise unless every file that is written can be, and is another than those that are read.
+
+    A verb names further files in ``outputs``, and in ``directories`` what is no file.
 
     Raises
     ------
     InputError
-        Naming the file and the two options.
+        Naming the file and the options.
     """
+    from graspcast.io.files import check_target
+
+    outputs = (*_OUTPUTS, *getattr(options, "outputs", ()))
     written: dict[Path, str] = {}
-    for name in _OUTPUTS:
+    for name in outputs:
         path = getattr(options, name, None)
         if path is None:
             continue
         if (other := written.setdefault(path.resolve(), name)) != name:
             raise InputError(f"{path}: is given as --{other} and as --{name}")
     for name, value in vars(options).items():
-        for path in _paths(value) if name not in _OUTPUTS else ():
+        for path in _paths(value) if name not in outputs else ():
             if path.resolve() in written and path.is_file():
                 option = name.replace("_", "-")
                 raise InputError(
                     f"{path}: is read (--{option}) and would be replaced "
                     f"(--{written[path.resolve()]}); write to another file"
                 )
+    for name in written.values():
+        if name not in getattr(options, "directories", ()):
+            check_target(getattr(options, name), name)
 
 
 def _paths(value: Any) -> list[Path]:

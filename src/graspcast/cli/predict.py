@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text
 from graspcast.cli.options import (
@@ -18,6 +20,10 @@ from graspcast.cli.options import (
 )
 from graspcast.cli.view_options import add_policy, motions_of, policy_options
 from graspcast.errors import InputError
+from graspcast.io.wording import counted
+
+if TYPE_CHECKING:
+    from graspcast.forecasting.verdict import VerdictRow
 
 __all__ = ["add"]
 
@@ -83,13 +89,14 @@ def add(verbs: Verbs) -> None:
         "verdicts after each look to this CSV, with the columns instance, looks and ended; --out "
         "then holds the verdicts at which looking ended",
     )
-    add_out(verb, "the verdicts' CSV")
+    add_out(verb, "the verdicts' CSV", others=("stages",))
 
 
 def _predict(options: argparse.Namespace) -> None:
     from graspcast.forecasting.fallbacks import Fallbacks
     from graspcast.forecasting.forecaster import Forecaster
     from graspcast.forecasting.recorded_looks import looks_with_views, verdicts_with_views
+    from graspcast.forecasting.recorded_verdicts import one_view_notes
     from graspcast.forecasting.stage_file import write_stages
     from graspcast.forecasting.verdict_file import write_verdicts
     from graspcast.guarantees.certificate import Certificate
@@ -106,6 +113,7 @@ def _predict(options: argparse.Namespace) -> None:
         "ood_alpha": options.ood_alpha,
     }
     motions = motions_of(options, inputs)
+    inputs.add_notes(one_view_notes(models, options.guide, views=bool(motions)))
     if motions or options.guide is not None or options.max_looks > 1 or options.stages:
         if options.explain:
             raise InputError("--explain is of one view: leave out --camera-poses and --guide")
@@ -121,13 +129,17 @@ def _predict(options: argparse.Namespace) -> None:
     write_verdicts(options.out, rows)
     warnings = (f"Warning: {text}." for model in models for text in model.card.warnings)
     note(*inputs.notes, *inputs.lengths, *warnings)
+    _print_counts(options.out, rows)
+    for certificate in certificates:
+        print_text(str(certificate.overall))
+
+
+def _print_counts(path: Path, rows: Sequence[VerdictRow]) -> None:
     attempts = sum(row.verdict.attempt for row in rows)
     again = sum(row.verdict.look is not None for row in rows)
     unusual = sum(row.verdict.out_of_distribution is True for row in rows)
     print_text(
-        f"{options.out}: {len(rows)} verdicts, {attempts} to attempt"
+        f"{path}: {counted(len(rows), 'verdict')}, {attempts} to attempt"
         + (f", {again} to look again" if again else "")
         + (f", {unusual} out of distribution" if unusual else "")
     )
-    for certificate in certificates:
-        print_text(str(certificate.overall))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from graspcast.cli.console import print_text, progress_bar
 from graspcast.cli.options import Verbs, add_out, new_verb
+from graspcast.io.wording import counted
 
 __all__ = ["add"]
 
@@ -61,7 +62,7 @@ def add(verbs: Verbs) -> None:
         default=85,
         help="quality of jpg and webp, 1 to 100 (default: 85)",
     )
-    add_out(verb, "the dataset's directory; its name becomes the dataset's name")
+    add_out(verb, "the dataset's directory; its name becomes the dataset's name", directory=True)
 
 
 def _render(options: argparse.Namespace) -> None:
@@ -89,4 +90,4 @@ def _render(options: argparse.Namespace) -> None:
                 split=options.split,
                 progress=move,
             )
-    print_text(f"{options.out}: {settings.scenes * settings.images} images")
+    print_text(f"{options.out}: {counted(settings.scenes * settings.images, 'image')}")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_table
 from graspcast.cli.options import Verbs, add_json, add_outcomes, new_verb, write_json
+from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
     from graspcast.evaluation.look_scores import LookScores
@@ -84,8 +85,9 @@ def _score_stages(options: argparse.Namespace) -> None:
     outcomes = read_all_outcomes(options.outcomes)
     found = score_looks(stages_of(read_stages(options.stages), outcomes))
     if found.untried:
-        note(f"{found.untried} instances lack an outcome after some look, and do not count")
-    title = f"{found.n} grasps in {found.scenes} scenes, 95 % intervals by drawing scenes"
+        note(f"left out {counted(found.untried, 'instance')} without an outcome after some look")
+    title = f"{counted(found.n, 'grasp')} in {counted(found.scenes, 'scene')}"
+    title += ", 95 % intervals by drawing scenes"
     print_policies(found, title, attempts=True)
     write_json(options.json, found.as_dict())
 
@@ -100,7 +102,7 @@ def _score_verdicts(options: argparse.Namespace) -> None:
         read_all_outcomes(options.outcomes),
     )
     if found.untried:
-        note(f"{found.untried} verdicts have no outcome, and do not count")
+        note(f"left out {counted(found.untried, 'verdict')} without an outcome")
     if found.following is None:
         note("nothing is attempted, so there is no success rate when following the verdicts")
     rows = [
@@ -114,6 +116,7 @@ def _score_verdicts(options: argparse.Namespace) -> None:
     ]
     if found.gain is not None:
         rows.append(("difference", f"{found.gain:+}", "", ""))
-    title = f"{found.n} grasps in {found.scenes} scenes, 95 % intervals by drawing scenes"
+    title = f"{counted(found.n, 'grasp')} in {counted(found.scenes, 'scene')}"
+    title += ", 95 % intervals by drawing scenes"
     print_table(title, ["", "success rate", "attempt rate", "attempts"], rows)
     write_json(options.json, found.as_dict())

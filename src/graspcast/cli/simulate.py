@@ -16,6 +16,7 @@ from graspcast.cli.options import (
     note_sizes,
 )
 from graspcast.cli.protocol_options import add_protocol, settings_of
+from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
@@ -74,7 +75,7 @@ def add(verbs: Verbs) -> None:
     verb.add_argument(
         "--address", metavar="URL", help="address of the Ray cluster, if it is not found"
     )
-    add_out(verb, "directory of the campaign; an interrupted campaign is resumed")
+    add_out(verb, "directory of the campaign; an interrupted campaign is resumed", directory=True)
 
 
 def _executor(options: argparse.Namespace) -> Executor:
@@ -170,7 +171,7 @@ def _simulate(options: argparse.Namespace) -> None:
     counts = reason_counts(outcomes)
     rows = [(name, hand, f"{rate:.3f}", *map(str, n)) for name, hand, rate, *n in counts.rows()]
     print_table("Outcomes", counts.columns, rows)
-    print_text(f"{options.out}: {len(outcomes)} trials")
+    print_text(f"{options.out}: {counted(len(outcomes), 'trial')}")
     if often := mostly_collided(counts):
         note(
             f"most trials collide: {', '.join(often)}; graspcast grasps shows whether the "

@@ -20,6 +20,7 @@ from graspcast.cli.options import (
     write_json,
 )
 from graspcast.cli.view_options import add_views, fusion_options, motions_of
+from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
@@ -198,7 +199,8 @@ def _train(options: argparse.Namespace) -> None:
     more = "".join(f", {n} of {name}" for name, n in card.learned_from.items())
     print_text(
         f"{options.out}: {options.principal}{together}{seen}, {options.gripper} gripper, "
-        f"{len(card.objects)} objects{simulated}, {card.samples} samples{more}"
+        f"{counted(len(card.objects), 'object')}{simulated}, "
+        f"{counted(card.samples, 'sample')}{more}"
     )
 
 
@@ -261,9 +263,9 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
         estimates, outcomes, options.principal, options.gripper, truth=truth, simulated=simulated
     )
     if outcomes is not None and (untried := int((~data.is_tried).sum())):
-        inputs.notes.append(f"{untried} instances have no outcome")
+        inputs.notes.append(f"{counted(untried, 'instance', 'has', 'have')} no outcome")
     if truth is not None and (unknown := int((~data.has_truth).sum())):
-        inputs.notes.append(f"{unknown} instances have no ground truth")
+        inputs.notes.append(f"{counted(unknown, 'instance', 'has', 'have')} no ground truth")
     data = load_learned(inputs, data, outcomes, options.learn_from)
     if motions:
         if options.method not in ("blend", "two-stage"):

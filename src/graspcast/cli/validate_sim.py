@@ -49,6 +49,7 @@ def add(verbs: Verbs) -> None:
         type=Path,
         help="directory of the campaign (default: next to --json)",
     )
+    verb.set_defaults(directories=("out",))
     add_json(verb)
 
 

@@ -19,6 +19,7 @@ from jaxtyping import Bool, Int
 from numpy import ndarray
 
 from graspcast.errors import InputError
+from graspcast.io.wording import counted
 
 __all__ = [
     "KEY_COLUMNS",
@@ -137,7 +138,9 @@ class Instances:
 
     def __repr__(self) -> str:
         images, objects = len(set(unit_names(self, "image"))), len(set(self.objects))
-        return f"Instances({len(self)} of {objects} objects in {images} images)"
+        return (
+            f"Instances({len(self)} of {counted(objects, 'object')} in {counted(images, 'image')})"
+        )
 
     @property
     def objects(self) -> ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
@@ -55,6 +55,10 @@ class Inputs:
     results: Mapping[str, Mapping[str, Results]]
     notes: list[str] = field(default_factory=list)
     image_fit: Callable[[Estimates], Estimates] | None = None
+
+    def add_notes(self, texts: Iterable[str]) -> None:
+        """Add to the notes what they do not yet say."""
+        self.notes.extend(text for text in dict.fromkeys(texts) if text not in self.notes)
 
     @property
     def models(self) -> dict[str, Models]:

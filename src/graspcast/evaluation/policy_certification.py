@@ -36,6 +36,7 @@ from graspcast.forecasting.verdict import VerdictRow
 from graspcast.guarantees.attempts import first_to_reach
 from graspcast.guarantees.certificate import Certificate
 from graspcast.io.arguments import a, checked, mapping
+from graspcast.io.wording import counted
 from graspcast.views.camera_motion import CameraMotion
 
 __all__ = ["PolicyTrials", "certify_policy", "policy_trials"]
@@ -112,7 +113,8 @@ def certify_policy(
     )
     if untried := sum(part.untried for part in found):
         inputs.notes.append(
-            f"left out {untried} instances that lack an outcome of a grasp that might be tried"
+            f"left out {counted(untried, 'instance', 'that lacks', 'that lack')} an outcome of a "
+            "grasp that might be tried"
         )
     if not len(trials.instances):
         raise MismatchError(

@@ -18,6 +18,7 @@ from graspcast.evaluation.cross_validation import cross_validated
 from graspcast.evaluation.predictions import Forecasts
 from graspcast.forecasting.training_data import TrainingData
 from graspcast.io.progress import Progress, step_of
+from graspcast.io.wording import counted
 
 __all__ = [
     "PrincipalForecasts",
@@ -63,7 +64,9 @@ def principal_training_data(
             inputs.notes.append(f"{error}: it is only a supporter")
             continue
         if untried := int((~data.is_tried).sum()):
-            inputs.notes.append(f"{untried} instances have no outcome of {name}")
+            inputs.notes.append(
+                f"{counted(untried, 'instance', 'has', 'have')} no outcome of {name}"
+            )
         out.append(data)
     if not out:
         raise MismatchError(

@@ -25,6 +25,7 @@ from graspcast.forecasting.verdict import Verdict
 from graspcast.forecasting.visibility_features import seen_of
 from graspcast.guarantees.certificate import Certificate
 from graspcast.io.arguments import NAME, NAMED, a, checked
+from graspcast.io.wording import counted
 from graspcast.pose.sanity import is_placeholder, pose_problems
 from graspcast.views.camera_motion import CameraNoise
 
@@ -99,7 +100,7 @@ class Episode:
         )
 
     def __repr__(self) -> str:
-        return f"Episode({self.object_name}, {self._scene._count} looks)"
+        return f"Episode({self.object_name}, {counted(self._scene._count, 'look')})"
 
     def forget(self) -> None:
         """Forget all looks, as when the object was moved."""

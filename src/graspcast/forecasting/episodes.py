@@ -23,8 +23,10 @@ from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.look_again import MIN_GAIN
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import Verdict, VerdictRow
+from graspcast.forecasting.view_verdicts import FUSED
 from graspcast.guarantees.certificate import Certificate
 from graspcast.io.arguments import NAME, a, checked, mapping, number
+from graspcast.io.wording import counted
 from graspcast.pose.transforms import compose
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.fused_estimates import FusedEstimates
@@ -34,6 +36,8 @@ from graspcast.views.tracks import Tracks
 
 __all__ = ["Episodes"]
 
+ONE_VIEW = "the model was trained without views: the last look alone counts"
+"""Note where several looks, or a fused pose that guides, make no difference."""
 _KEPT = 20
 """Looks that are remembered; a robot takes a few."""
 
@@ -150,7 +154,7 @@ class Episodes:
         self._tracks, self._count = Tracks(), 0
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.dataset}, {self._count} looks)"
+        return f"{type(self).__name__}({self.dataset}, {counted(self._count, 'look')})"
 
     def forget(self) -> None:
         """Forget all looks, as when an object was moved."""
@@ -222,6 +226,9 @@ class Episodes:
         world_T_cam = look.world_T_cam
         numbers, doubts = tracks.follow(fused, world_T_cam, self.models)
         left_out = fused.gathered.single_views() if count > 1 else []
+        if self.forecaster.view_model is None:
+            several = count > 1 or self._options["guide"] == FUSED
+            left_out = [ONE_VIEW] if several else []
         shared = tuple(dict.fromkeys((*fused.notes, *left_out)))
         out = []
         for row, n, doubt in zip(self._rows(fused, look, count), numbers, doubts, strict=True):

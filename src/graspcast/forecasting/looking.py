@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +18,9 @@ from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.recorded_verdicts import ViewSettings, judge_recorded
 from graspcast.forecasting.verdict import InstanceLooks, VerdictRow
 from graspcast.forecasting.view_verdicts import FUSED
+from graspcast.io.wording import counted
 from graspcast.views.camera_motion import CameraMotion
+from graspcast.views.fused_estimates import FusedEstimates
 
 __all__ = ["PolicyRun", "ended_stages", "run_at_once", "run_policy"]
 
@@ -55,7 +58,7 @@ class PolicyRun:
     def __repr__(self) -> str:
         counts = np.bincount(self.looks, minlength=2)[1:].tolist()
         said = ", ".join(f"{n} after {i}" for i, n in enumerate(counts, 1))
-        return f"PolicyRun({len(self.rows)} instances by looks: {said})"
+        return f"PolicyRun({counted(len(self.rows), 'instance')} by looks: {said})"
 
     @property
     def each(self) -> list[InstanceLooks]:
@@ -151,14 +154,18 @@ def run_policy(
     options = {"threshold": threshold, "guarantee": guarantee, "ood_alpha": ood_alpha}
     for looks in range(1, settings.max_looks + 1):
         stage = replace(settings, max_views=looks)
-        fused, rows = judge_recorded(forecaster, inputs, dataset, motion, stage, **options)
-        stages.append([_named(row, looks) for row in rows])
-        taken.append(fused.gathered.present.any(axis=2).sum(axis=1))
+        parts = judge_recorded(forecaster, inputs, dataset, motion, stage, **options)
+        stages.append([_named(row, looks) for _, rows in parts for row in rows])
+        there = [f.gathered.present.any(axis=2).sum(axis=1) for f, _ in parts]
+        taken.append(np.concatenate(there))
+    fused = [f for f, _ in parts]
+    inputs.add_notes(_views_of_parts(fused))
     asked = [[row.verdict.look is not None for row in stage] for stage in stages[:-1]]
     more = np.diff(np.array(taken), axis=0) > 0
     ended = ended_stages(np.array(asked, dtype=bool).reshape(more.shape) & more)
     chosen = [stages[end][i] for i, end in enumerate(ended.tolist())]
-    return PolicyRun(fused.instances, chosen, ended + 1, tuple(stages), taken[-1])
+    instances = Instances.concatenate([f.instances for f in fused])
+    return PolicyRun(instances, chosen, ended + 1, tuple(stages), taken[-1])
 
 
 def run_at_once(
@@ -177,9 +184,24 @@ def run_at_once(
         As for :func:`run_policy`, but for ``settings.max_views``, which is used. A fused pose that
         guides is named ``fused``.
     """
-    fused, rows = judge_recorded(forecaster, inputs, dataset, motion, settings, **options)
+    parts = judge_recorded(forecaster, inputs, dataset, motion, settings, **options)
+    fused = [f for f, _ in parts]
+    inputs.add_notes(_views_of_parts(fused))
+    rows = [row for _, some in parts for row in some]
     once = np.ones(len(rows), dtype=np.int64)
-    return PolicyRun(fused.instances, rows, once, (rows,), once)
+    instances = Instances.concatenate([f.instances for f in fused])
+    return PolicyRun(instances, rows, once, (rows,), once)
+
+
+def _views_of_parts(fused: Sequence[FusedEstimates]) -> list[str]:
+    """Say how many instances have single views and why, and which are not the principal's."""
+    first, *others = fused
+    out = first.gathered.single_views()
+    for part in others:
+        lacks = f"that {first.principal} lacks and {part.principal} has"
+        out.append(f"judged {counted(len(part), 'instance')} {lacks}")
+        out += [f"of those {lacks}, {text}" for text in part.gathered.single_views()]
+    return out
 
 
 def _named(row: VerdictRow, looks: int) -> VerdictRow:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.loading import Inputs
+from graspcast.forecasting.contradictions import CONTRADICTED, MOVED
 from graspcast.forecasting.fallbacks import Fallbacks, certificate_of
 from graspcast.forecasting.looking import PolicyRun, run_at_once, run_policy
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.recorded_verdicts import ViewSettings, check_views, policy_of
 from graspcast.forecasting.verdict import InstanceLooks, VerdictRow
-from graspcast.forecasting.view_verdicts import MOVED
 from graspcast.guarantees.certificate import Certificate
 from graspcast.views.camera_motion import CameraMotion
 
@@ -132,6 +133,8 @@ def _by_instance(
     check_views(usable, settings, motions)
     if certificates or run is run_policy:
         check_motions(inputs, motions)
+    # What is certified is certified for the principal's instances.
+    settings = replace(settings, others=not certificates)
     out: dict[InstanceKey, InstanceLooks] = {}
     for forecaster in usable:
         options: dict[str, Any] = {"threshold": threshold, "ood_alpha": ood_alpha}
@@ -148,5 +151,6 @@ def _by_instance(
 
 
 def _unanswered(row: VerdictRow) -> bool:
-    """Return whether a further model may answer: not where the object seems to have moved."""
-    return row.verdict.probability is None and MOVED not in row.verdict.reason
+    """Return whether a further model may answer: not where views contradict each other."""
+    doubted = any(why in row.verdict.reason for why in (CONTRADICTED, MOVED))
+    return row.verdict.probability is None and not doubted

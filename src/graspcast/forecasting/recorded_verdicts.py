@@ -17,7 +17,8 @@ from graspcast.forecasting.visibility_features import seen_in_images
 from graspcast.guarantees.look_policy import LookPolicy
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.choice import MIN_PARALLAX_RAD, ViewsFrom
-from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
+from graspcast.views.fused_estimates import FusedEstimates
+from graspcast.views.fused_parts import fuse_estimates_by
 
 __all__ = [
     "ViewSettings",
@@ -25,6 +26,7 @@ __all__ = [
     "fused_of",
     "guides_of",
     "judge_recorded",
+    "one_view_notes",
     "policy_of",
 ]
 
@@ -47,6 +49,9 @@ class ViewSettings:
         Of the camera motion.
     max_looks, min_gain
         As for :meth:`Forecaster.judge`.
+    others
+        Whether to judge also the instances of other estimators that the principal lacks, where the
+        fused pose may guide.
     """
 
     guide: str | None = None
@@ -56,6 +61,7 @@ class ViewSettings:
     noise: CameraNoise = field(default_factory=CameraNoise)
     max_looks: int = 1
     min_gain: float = MIN_GAIN
+    others: bool = False
 
 
 def fused_of(
@@ -64,25 +70,33 @@ def fused_of(
     dataset: str,
     motion: CameraMotion | None,
     settings: ViewSettings,
-) -> FusedEstimates:
-    """Fuse what a forecaster needs, of one dataset; the inputs' notes get what is left out."""
+) -> list[FusedEstimates]:
+    """Fuse what a forecaster needs, of one dataset; the inputs' notes get what is left out.
+
+    Returns
+    -------
+        The principal's instances, and where ``settings.others`` asks for them and there is camera
+        motion, those of each other estimator that it lacks.
+    """
     card = forecaster.card
     tables = inputs.results[dataset]
     card.check_estimators(tables)
-    principal = card.principal if settings.guide in (None, FUSED, BEST) else settings.guide
-    fused = fuse_estimates(
+    may_fuse = settings.guide in (FUSED, BEST)
+    principal = card.principal if settings.guide is None or may_fuse else settings.guide
+    others = [name for name in card.estimators if name != principal]
+    found = fuse_estimates_by(
         {name: tables[name] for name in card.estimators},
+        [principal, *(others if settings.others and may_fuse and motion is not None else ())],
         motion,
         dataset=dataset,
-        principal=principal,
         models=inputs.models,
         noise=settings.noise,
         views_from=settings.views_from,
         max_views=settings.max_views if motion is not None else 1,
         min_parallax_rad=settings.min_parallax_rad,
     )
-    inputs.notes.extend(text for text in fused.notes if text not in inputs.notes)
-    return fused
+    inputs.add_notes(text for part in found for text in part.notes)
+    return found
 
 
 def judge_recorded(
@@ -92,22 +106,25 @@ def judge_recorded(
     motion: CameraMotion | None,
     settings: ViewSettings,
     **options: Any,
-) -> tuple[FusedEstimates, list[VerdictRow]]:
+) -> list[tuple[FusedEstimates, list[VerdictRow]]]:
     """Fuse the instances of one dataset, and judge them; ``options`` are further ones of judge."""
-    fused = fused_of(forecaster, inputs, dataset, motion, settings)
-    if forecaster.visibility is not None and forecaster.visibility.uses_image:
-        options["seen"] = seen_in_images(inputs, fused)
-    rows = forecaster.judge(
-        fused,
-        inputs.models,
-        guide=settings.guide,
-        max_looks=settings.max_looks,
-        min_gain=settings.min_gain,
-        motion=motion,
-        noise=settings.noise,
-        **options,
-    )
-    return fused, rows
+    uses_image = forecaster.visibility is not None and forecaster.visibility.uses_image
+    out = []
+    for fused in fused_of(forecaster, inputs, dataset, motion, settings):
+        seen: dict[str, Any] = {"seen": seen_in_images(inputs, fused)} if uses_image else {}
+        rows = forecaster.judge(
+            fused,
+            inputs.models,
+            guide=settings.guide,
+            max_looks=settings.max_looks,
+            min_gain=settings.min_gain,
+            motion=motion,
+            noise=settings.noise,
+            **seen,
+            **options,
+        )
+        out.append((fused, rows))
+    return out
 
 
 def policy_of(forecaster: Forecaster, settings: ViewSettings, *, views: bool) -> LookPolicy | None:
@@ -180,3 +197,29 @@ def check_views(
             "camera poses too, or give none here",
             parameters=("model", "camera_poses"),
         )
+
+
+def one_view_notes(
+    forecasters: Iterable[Forecaster], guide: str | None, *, views: bool
+) -> list[str]:
+    """Say where each image is judged alone though several views were asked for or trained with.
+
+    Parameters
+    ----------
+    forecasters
+        Those that judge.
+    guide
+        Whose pose guides the grasps.
+    views
+        Whether there is camera motion.
+    """
+    if views:
+        return []
+    if any(forecaster.view_model is not None for forecaster in forecasters):
+        why = "the model was trained with several views, but there are no camera poses"
+    elif guide == FUSED:
+        why = "the model was trained without views"
+    else:
+        return []
+    instead = "; its principal guides instead of the fused pose" if guide == FUSED else ""
+    return [f"{why}: each image is judged alone{instead}"]

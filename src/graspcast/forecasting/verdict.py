@@ -15,6 +15,7 @@ from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.forecasting.novelty import OOD_ALPHA, Disagreement
 from graspcast.io.arguments import number
+from graspcast.io.wording import counted
 from graspcast.views.next_look import NextLook
 
 __all__ = [
@@ -125,7 +126,8 @@ class InstanceLooks:
     ended: int
 
     def __repr__(self) -> str:
-        return f"InstanceLooks({len(self.rows)} looks, ended after {self.ended}: {self.last})"
+        looks = counted(len(self.rows), "look")
+        return f"InstanceLooks({looks}, ended after {self.ended}: {self.last})"
 
     @property
     def last(self) -> VerdictRow:

@@ -166,6 +166,9 @@ def fuse_for_training(
         views_from=views_from,
         min_parallax_rad=min_parallax_rad,
     )
+    for most, part in fused:
+        if most == max(TRAINING_VIEWS):
+            inputs.add_notes(part.gathered.single_views())
     rules = {
         "noise_m": noise.translation_m,
         "noise_rad": noise.rotation_rad,
@@ -223,5 +226,5 @@ def fuse_by_views(
                 **rules,
             )
             out.append((most, part))
-        inputs.notes.extend(text for text in part.notes if text not in inputs.notes)
+        inputs.add_notes(part.notes)
     return out

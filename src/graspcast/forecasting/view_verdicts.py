@@ -16,6 +16,7 @@ from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates, estimate_ids
 from graspcast.estimates.checks import copied, diameters, no_estimate_by
 from graspcast.estimates.instances import Instances
+from graspcast.forecasting.contradictions import MOVED, single_view_doubts
 from graspcast.forecasting.look_again import MIN_GAIN, looks_for
 from graspcast.forecasting.models.blend import Blend
 from graspcast.forecasting.models.design_matrix import nearest_to
@@ -37,10 +38,6 @@ FUSED = "fused"
 """The guide that is no estimator: the fused pose."""
 BEST = "best"
 """Whoever has the highest probability guides, instance by instance."""
-MOVED = (
-    "the other views contradict the judged image: its estimates are wrong, or the object was moved"
-)
-"""Why nothing is forecast where the judged image's estimates were dropped."""
 
 
 @checked(fused=a(FusedEstimates), guide=a(str, type(None), words="a name, or None"))
@@ -62,7 +59,8 @@ def judge(
     """Decide on every instance with as many views as there are.
 
     With several views the view model answers, with one the model of a single view; the reason says
-    which. Where the other views contradict the judged image, the verdict is to abstain.
+    which. Where the other views contradict the judged image, or one does and no third decides which
+    of the two is wrong, the verdict is to abstain, or to look again.
 
     One view of one estimator is a weak forecast: below the threshold the advice is to look again,
     also where the model was trained without views.
@@ -352,8 +350,12 @@ class _Frame:
         keys, out = fused.instances.select(rows).to_keys(), []
         alone = self.forecaster.visibility is not None  # its verdicts say that it is one view
         place = np.cumsum(whole) - 1
+        doubts = single_view_doubts(fused)
+        known = set(self.forecaster.card.objects)
         for j, i in enumerate(rows.tolist()):
-            if whole[j]:
+            if doubts[i] and keys[j].object in known:
+                name, verdict = first, Verdict(False, None, doubts[i])
+            elif whole[j]:
                 found = {name: given[place[j]] for name, given in by_guide.items()}
                 name = max(found, key=lambda n: -1.0 if (p := found[n].probability) is None else p)
                 verdict = found[name]

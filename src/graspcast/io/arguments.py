@@ -133,6 +133,7 @@ def checked(**kinds: Kind) -> Callable[[T], T]:
 
 def _wrapped(function: Callable[..., Any], kinds: Mapping[str, Kind]) -> Callable[..., Any]:
     parameters = inspect.signature(function).parameters
+    where = function.__qualname__.removesuffix(".__init__")
     mine = {name: kind for name, kind in kinds.items() if name in parameters}
     if not mine:
         return function
@@ -146,7 +147,7 @@ def _wrapped(function: Callable[..., Any], kinds: Mapping[str, Kind]) -> Callabl
         given = dict(zip(in_order, args, strict=False), **kwargs)  # faster than Signature.bind
         for name, kind in mine.items():
             if name in given and not (given[name] is None and name in optional):
-                refuse_unless(kind, given[name], function.__qualname__, name)
+                refuse_unless(kind, given[name], where, name)
         return function(*args, **kwargs)
 
     return wrapper

@@ -16,7 +16,7 @@ _LOCKS = find_spec("fcntl") is not None  # not on Windows
 if _LOCKS:
     import fcntl
 
-__all__ = ["atomic_write", "sweep", "temporary_directory", "write_text"]
+__all__ = ["atomic_write", "check_target", "sweep", "temporary_directory", "write_text"]
 
 
 _PREFIX, _SUFFIX = ".graspcast-", ".tmp"
@@ -38,9 +38,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
         is full.
     """
     target = Path(os.path.realpath(path))  # through symbolic links, which stay
-    if target.exists() and not target.is_file():
-        kind = "a directory" if target.is_dir() else "not a regular file"
-        raise InputError(f"{path}: is {kind}, and would be replaced", parameters=("out",))
+    _refuse_other_kinds(path, target, "out")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         temporary, handle = _make(target.parent, _make_file)
@@ -66,6 +64,40 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
         handle = _close(handle)
         with suppress(FileNotFoundError):
             temporary.unlink()
+
+
+def check_target(path: str | os.PathLike[str], parameter: str = "out") -> None:
+    """Raise where a file surely cannot be written, before the work that it is to hold.
+
+    Parameters
+    ----------
+    path
+        The file.
+    parameter
+        The parameter that names it.
+
+    Raises
+    ------
+    InputError
+        If it is a directory, a device or a pipe, or cannot be made in its directory.
+    """
+    target = Path(os.path.realpath(path))
+    _refuse_other_kinds(path, target, parameter)
+    parent = next(folder for folder in target.parents if folder.exists())
+    problem = ""
+    if not parent.is_dir():
+        problem = f"{parent} is no directory"
+    elif not os.access(parent, os.W_OK | os.X_OK):
+        problem = f"{parent} may not be written to"
+    if problem:
+        raise InputError(f"{path}: cannot be written ({problem})", parameters=(parameter,))
+
+
+def _refuse_other_kinds(path: str | os.PathLike[str], target: Path, parameter: str) -> None:
+    """Raise if what is there is no file."""
+    if target.exists() and not target.is_file():
+        kind = "a directory" if target.is_dir() else "not a regular file"
+        raise InputError(f"{path}: is {kind}, and would be replaced", parameters=(parameter,))
 
 
 @contextmanager

@@ -70,7 +70,8 @@ def draw_fused(
         _drawn(alone, motion, (scene_id, image, obj_id), f"{principal}, {side} image alone", colour)
         for image, side, colour in zip(images, ("left", "right"), (_ORANGE, _BLUE), strict=True)
     ]
-    count = f"fused, {len(views)} images"
+    shown = ", two shown" if len(views) > 2 else ""
+    count = f"fused from {len(views)} images{shown}"
     poses.append(_drawn(fused, motion, (scene_id, im_id, obj_id), count, _GREEN))
     poses = [_with_error(pose, dataset, motion, (scene_id, im_id, obj_id)) for pose in poses]
     sides = [

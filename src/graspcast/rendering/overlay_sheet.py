@@ -19,6 +19,7 @@ from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.matching import match
 from graspcast.forecasting.verdict import VerdictRow
 from graspcast.forecasting.view_verdicts import FUSED
+from graspcast.io.wording import counted
 from graspcast.pose.metrics import rotation_error, translation_error
 from graspcast.rendering.drawing import (
     BAD,
@@ -182,7 +183,7 @@ def _captions(field: Overlay) -> list[tuple[str, tuple[int, int, int]]]:
         given = row.verdict.probability
         told = "" if given is None else f", probability {given:.2f}"
         look = row.verdict.look
-        several = f", {row.views} view{'s' if row.views > 1 else ''}"
+        several = f", {counted(row.views, 'view')}"
         colour = GOOD if row.verdict.attempt else BAD if look is None else LOOK
         told += several if with_several_views(row) else ""
         out.append((f"{row.gripper}: {row.verdict}{told}", colour))

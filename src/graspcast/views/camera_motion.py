@@ -13,6 +13,7 @@ from numpy import ndarray
 
 from graspcast.errors import InputError
 from graspcast.io.arguments import NAME, a, checked, number, refuse_unless
+from graspcast.io.wording import counted
 from graspcast.pose.lengths import METRES
 from graspcast.pose.sanity import rotation_problem
 from graspcast.pose.transforms import compose, invert, project_to_rotation
@@ -178,7 +179,8 @@ class CameraMotion:
         return len(self.world_T_cam)
 
     def __repr__(self) -> str:
-        return f"CameraMotion({len(self)} images of {len(self.scenes)} scenes, {self.source})"
+        of = f"{counted(len(self), 'image')} of {counted(len(self.scenes), 'scene')}"
+        return f"CameraMotion({of}, {self.source})"
 
     @property
     def scenes(self) -> set[int]:

@@ -44,6 +44,8 @@ class ViewRules:
         Of the camera motion, beside what the motion itself states.
     images
         The images (scene_id, im_id) whose instances are wanted; None for all.
+    without
+        Objects in images (scene_id, im_id, obj_id) whose instances are not wanted.
     """
 
     views_from: ViewsFrom
@@ -51,6 +53,7 @@ class ViewRules:
     min_parallax_rad: float
     noise: CameraNoise
     images: frozenset[tuple[int, int]] | None = None
+    without: frozenset[tuple[int, int, int]] = frozenset()
 
 
 def viewing_directions(

@@ -22,6 +22,7 @@ from graspcast.estimates.checks import (
 )
 from graspcast.estimates.instances import KEY_COLUMNS, Instances
 from graspcast.io.arguments import NAME, a, checked, mapping, number
+from graspcast.io.wording import counted
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.choice import MIN_PARALLAX_RAD, ViewRules, ViewsFrom
 from graspcast.views.fusion import FusedPoses, fuse_poses
@@ -37,11 +38,14 @@ if TYPE_CHECKING:
 __all__ = [
     "FusedEstimates",
     "check_estimators",
+    "checked_estimates",
     "fuse_estimates",
     "fuse_sane",
+    "view_rules",
 ]
 
 _HALF_SCORE_M = 0.01
+_CONTRADICT = ("that contradicts", "that contradict")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -142,29 +146,30 @@ class FusedEstimates:
         """Say how many views entered, and what was dropped and why, in words."""
         used, dropped = self.poses.used, self.poses.dropped
         counts = ", ".join(
-            f"{int((self.views == v).sum())} from {v} view{'s' if v > 1 else ''}"
+            f"{int((self.views == v).sum())} from {counted(int(v), 'view')}"
             for v in np.unique(self.views)
         )
-        lines = [f"{len(self)} instances: {counts}", *self.gathered.single_views()]
+        lines = [f"{counted(len(self), 'instance')}: {counts}", *self.gathered.single_views()]
         views = int((_any(dropped) & ~_any(used)).sum())
         own = int((~_any(used)[:, 0]).sum())
         alone = int((dropped & _any(used)[..., None]).sum())
         if views:
             lines.append(
-                f"dropped {views} views that contradict the others (a moved object, a wrong "
-                "association or a gross error)"
+                f"dropped {counted(views, 'view', *_CONTRADICT)} the others (a moved object, a "
+                "wrong association or a gross error)"
             )
         if own:
             lines.append(
-                f"of these, {own} are the judged image's own: if objects may have been moved "
-                "before it, do not rely on these poses (own_image_dropped)"
+                f"of these, {own} {'is' if own == 1 else 'are'} the judged image's own: if objects "
+                "may have been moved before it, do not rely on these poses (own_image_dropped)"
             )
         if alone:
             names = [
                 f"{name} {int((dropped & _any(used)[..., None])[..., k].sum())}"
                 for k, name in enumerate(self.estimators)
             ]
-            lines.append(f"dropped {alone} estimates that contradict the rest: {', '.join(names)}")
+            which = counted(alone, "estimate", *_CONTRADICT)
+            lines.append(f"dropped {which} the rest: {', '.join(names)}")
         return lines
 
 
@@ -231,33 +236,13 @@ def fuse_estimates(
         If the camera motion is of other scenes, or contradicts the estimates; or an estimator's
         poses agree with the others' only in another convention.
     """
-    names = tuple(results)
-    principal = principal or next(iter(names), None)
-    if principal not in names:
-        raise UnknownNameError("estimator", principal, names, parameters=("principal",))
-    if views_from not in ("earlier", "all"):
-        raise InputError(f"views_from should be 'earlier' or 'all', not {views_from!r}")
-    if max_views != int(max_views):
-        raise InputError(f"max_views should be a whole number, not {max_views}")
-    tables, _, left_out = sane_rows(results, dataset, models)
-    sane, notes = dict(zip(names, tables, strict=True)), list(left_out)
-    if not len(sane[principal]):
-        raise InputError(
-            f"{results[principal].source}: {principal} has no estimate to fuse",
-            parameters=("estimates", "principal"),
-        )
-    check_estimators(sane, dataset, principal, models)
-    if motion is not None:
-        scenes = {s for table in sane.values() for s in set(table.scene_id.tolist())}
-        if not scenes & motion.scenes:
-            raise MismatchError(
-                f"{motion.source}: the camera motion is of other scenes "
-                f"({min(motion.scenes, default='none')} …) than the estimates ({min(scenes)} …)",
-                parameters=("camera_poses",),
-            )
-        if isinstance(motion, CameraMotion):
-            notes += filter(None, [check_motion(sane, motion)])
-    rules = ViewRules(views_from, int(max_views), float(min_parallax_rad), noise or CameraNoise())
+    if not results:
+        raise InputError("there are no estimates to fuse", parameters=("estimates",))
+    principal = principal or next(iter(results))
+    if principal not in results:
+        raise UnknownNameError("estimator", principal, tuple(results), parameters=("principal",))
+    rules = view_rules(views_from, max_views, min_parallax_rad, noise)
+    sane, notes = checked_estimates(results, motion, [principal], dataset=dataset, models=models)
     return fuse_sane(
         sane,
         motion,
@@ -268,6 +253,62 @@ def fuse_estimates(
         models=models,
         notes=notes,
     )
+
+
+def view_rules(
+    views_from: ViewsFrom, max_views: int, min_parallax_rad: float, noise: CameraNoise | None
+) -> ViewRules:
+    """Return the rules of :func:`fuse_estimates`.
+
+    Raises
+    ------
+    InputError
+        If one is not known.
+    """
+    if views_from not in ("earlier", "all"):
+        raise InputError(f"views_from should be 'earlier' or 'all', not {views_from!r}")
+    if max_views != int(max_views):
+        raise InputError(f"max_views should be a whole number, not {max_views}")
+    return ViewRules(views_from, int(max_views), float(min_parallax_rad), noise or CameraNoise())
+
+
+def checked_estimates(
+    results: Mapping[str, Results],
+    motion: Motion | None,
+    principals: Sequence[str],
+    *,
+    dataset: str,
+    models: Mapping[str, Models] | None,
+) -> tuple[dict[str, Results], list[str]]:
+    """Return the sane rows of all estimators, checked against each other and the motion, and notes.
+
+    Raises
+    ------
+    InputError
+        If none of the principals has an estimate.
+    MismatchError
+        As :func:`fuse_estimates`.
+    """
+    tables, _, left_out = sane_rows(results, dataset, models)
+    sane, notes = dict(zip(results, tables, strict=True)), list(left_out)
+    anchor = next((name for name in principals if len(sane[name])), None)
+    if anchor is None:
+        who = f"{results[principals[0]].source}: {principals[0]} has no"
+        if len(principals) > 1:
+            who = f"none of {', '.join(principals)} has an"
+        raise InputError(f"{who} estimate to fuse", parameters=("estimates", "principal"))
+    check_estimators(sane, dataset, anchor, models)
+    if motion is not None:
+        scenes = {s for table in sane.values() for s in set(table.scene_id.tolist())}
+        if not scenes & motion.scenes:
+            raise MismatchError(
+                f"{motion.source}: the camera motion is of other scenes "
+                f"({min(motion.scenes, default='none')} …) than the estimates ({min(scenes)} …)",
+                parameters=("camera_poses",),
+            )
+        if isinstance(motion, CameraMotion):
+            notes += filter(None, [check_motion(sane, motion)])
+    return sane, notes
 
 
 def fuse_sane(

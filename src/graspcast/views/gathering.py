@@ -13,6 +13,7 @@ from numpy import ndarray
 from graspcast.bop.results import Results, score_order
 from graspcast.estimates.alignment import estimate_ids, partners
 from graspcast.estimates.instances import InstanceKey, Instances, object_name
+from graspcast.io.wording import counted
 from graspcast.views.association import associate_views
 from graspcast.views.candidates import Candidates
 from graspcast.views.choice import ViewRules
@@ -23,6 +24,7 @@ __all__ = ["Gathered", "ViewRules", "gather"]
 
 _NO_POSE = "have no camera pose"
 _NO_MATCH = "have no estimate in another view that is surely of the same instance"
+_SINGULAR = {"have": "has", "are": "is"}
 _ALONE = np.eye(4)[None]
 ImageObject = tuple[int, int, int]
 
@@ -76,14 +78,23 @@ class Gathered:
 
     def single_views(self) -> list[str]:
         """Say why instances have one view only, and how many views were left out in doubt."""
-        lines = [f"single views: {n} instances {why}" for why, n in self.single.items()]
-        lines += [f"left out {n} views {why}" for why, n in self.left_out.items()]
+        lines = [
+            f"single views: {counted(n, 'instance')} {why if n > 1 else _of_one(why)}"
+            for why, n in self.single.items()
+        ]
+        lines += [f"left out {counted(n, 'view')} {why}" for why, n in self.left_out.items()]
         if total := int(self.doubtful.sum()):
             lines.append(
-                f"left out {total} views in which it is not sure which of several instances is "
-                "which"
+                f"left out {counted(total, 'view')} in which it is not sure which of several "
+                "instances is which"
             )
         return lines
+
+
+def _of_one(why: str) -> str:
+    """Return what is said of several instances as it is said of one."""
+    verb, space, rest = why.partition(" ")
+    return f"{_SINGULAR.get(verb, verb)}{space}{rest}"
 
 
 class _Gatherer:
@@ -243,6 +254,8 @@ def gather(
     rows: list[_Row] = []
     for key in sorted(work.rows[work.first]):
         if rules.images is not None and key[:2] not in rules.images:
+            continue
+        if key in rules.without:
             continue
         for est_id, row in enumerate(work.of_image(key)):
             keys.append(InstanceKey(dataset, *key, est_id))

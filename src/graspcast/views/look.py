@@ -15,6 +15,7 @@ from graspcast.bop.unit_checks import camera_problem
 from graspcast.errors import InputError
 from graspcast.estimates.instances import split_object_name
 from graspcast.io.arguments import mapping, number, refuse_unless
+from graspcast.io.wording import counted
 from graspcast.pose.sanity import as_pose
 from graspcast.views.camera_motion import rigid
 
@@ -108,7 +109,7 @@ class Look:
     def __repr__(self) -> str:
         known = "with" if self.world_T_cam is not None else "without"
         names = ", ".join(self.estimates) or "no estimator"
-        return f"Look({len(self)} estimates by {names}, {known} camera pose)"
+        return f"Look({counted(len(self), 'estimate')} by {names}, {known} camera pose)"
 
 
 def _by_name(estimator: str, poses: Mapping[Any, Any], datasets: set[str]) -> Results:

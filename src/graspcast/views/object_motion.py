@@ -21,6 +21,7 @@ from graspcast.errors import InputError
 from graspcast.estimates.checks import sane_rows
 from graspcast.estimates.instances import object_name
 from graspcast.io.arguments import NAME, a, checked, mapping
+from graspcast.io.wording import counted
 from graspcast.views.fusion import fuse_poses
 from graspcast.views.motion import RefinedMotions, ViewMotions
 from graspcast.views.object_consensus import (
@@ -76,7 +77,8 @@ class ObjectMotion:
 
     def __repr__(self) -> str:
         images = sum(len(scene.place) for scene in self._tables.values())
-        return f"ObjectMotion({images} images of {len(self._tables)} scenes, {self._source})"
+        of = f"{counted(images, 'image')} of {counted(len(self._tables), 'scene')}"
+        return f"ObjectMotion({of}, {self._source})"
 
     @property
     def source(self) -> str:

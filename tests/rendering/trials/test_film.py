@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from graspcast.rendering.trials.film import describe, save_film, save_strip, str
 from graspcast.rendering.trials.renderer import SceneRenderer
 from graspcast.simulation.objects.types import Grasp
 from graspcast.simulation.trial.recording import Recording, record_trial
-from graspcast.simulation.trial.trial import TrialRunner
+from graspcast.simulation.trial.trial import Outcome, TrialRunner
 
 
 def test_a_strip_shows_the_moments_and_tells_held_from_missed(
@@ -38,6 +39,7 @@ def test_a_strip_shows_the_moments_and_tells_held_from_missed(
         assert orange(panels[0]) > 20
         strips.append(panels)
     assert [name for name, _ in strip_states(missed)][:3] == ["pre-grasp", "at the grasp", "closed"]
+    assert strip_states(missed)[-1][0].startswith("end, hand lifted ")
     # Held, the cube fills the last picture; missed, it lies 1.5 m below the hand.
     assert orange(strips[0][-1]) > 10 * orange(strips[1][-1])
 
@@ -95,3 +97,17 @@ def test_a_missing_extra_is_named_and_leaves_nothing_behind(
     with pytest.raises(ExtraMissingError, match=r"imageio-ffmpeg.*graspcast\[video\]"):
         save_film(tmp_path / "film.mp4", held, renderer, "a cube")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("reason", "offset_m", "says"),
+    [
+        ("held", 0.0032, "held, moved 3.2 mm in the hand"),
+        ("slipped", 0.035, "slipped, moved 35 mm in the hand"),
+        ("missed", 1.48, "missed, object 1.48 m behind after the full lift"),
+        ("dropped", 1.5, "dropped, object 1.50 m behind after the full lift"),
+        ("blocked", float("nan"), "blocked"),
+    ],
+)
+def test_an_outcome_says_what_its_length_is(reason: Any, offset_m: float, says: str) -> None:
+    assert describe(Outcome(reason == "held", reason, offset_m, 1.0, 1.0, 1)) == says

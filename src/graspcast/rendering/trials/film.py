@@ -31,16 +31,21 @@ def suffixes() -> tuple[str, ...]:
 
 
 def describe(outcome: Outcome) -> str:
-    """Describe an outcome in a few words: its reason, and the offset if there is one.
+    """Describe an outcome in a few words: its reason, and how far the object moved in the hand.
 
-    Of a collision, where the hand stopped and what it pressed: ``"collided, stopped 40 mm short,
-    pressing the object with 62 N"``.
+    An object that the hand does not hold is left behind when it is lifted: by how far is that after
+    the full lift, which the pictures do not show where the trial was stopped early. Of a collision,
+    where the hand stopped and what it pressed: ``"collided, stopped 40 mm short, pressing the
+    object with 62 N"``.
     """
     if outcome.stop:
         return f"{outcome.reason}, {outcome.stop}"
     if np.isnan(outcome.offset_m):
         return outcome.reason
-    return f"{outcome.reason}, offset {_length(outcome.offset_m)}"
+    far = _length(outcome.offset_m)
+    if outcome.reason in ("dropped", "missed"):
+        return f"{outcome.reason}, object {far} behind after the full lift"
+    return f"{outcome.reason}, moved {far} in the hand"
 
 
 def strip_states(recording: Recording) -> list[tuple[str, State]]:
@@ -56,8 +61,8 @@ def strip_states(recording: Recording) -> list[tuple[str, State]]:
         risen = [s.sim_T_base[2, 3] - lift[0].sim_T_base[2, 3] for s in lift]
         if risen[-1] > 1.5 * _LIFTED_M:
             first = int(np.argmax(np.array(risen) >= _LIFTED_M))
-            out.append((f"lifted {_length(risen[first])}", lift[first]))
-        out.append((f"end, lifted {_length(risen[-1])}", lift[-1]))
+            out.append((f"hand lifted {_length(risen[first])}", lift[first]))
+        out.append((f"end, hand lifted {_length(risen[-1])}", lift[-1]))
     return out
 
 

@@ -17,6 +17,7 @@ from graspcast.errors import MismatchError
 from graspcast.estimates.alignment import estimate_ids
 from graspcast.estimates.matching import match
 from graspcast.io.arguments import NAME, a, checked, mapping, sequence
+from graspcast.io.wording import counted
 from graspcast.pose.transforms import compose, invert
 from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.grasps.table import GraspTable
@@ -64,7 +65,9 @@ def trials_from_estimates(
         for estimator, table in tables.items():
             matched = match(table, truth)
             if without := int((matched < 0).sum()):
-                notes.append(f"{table.source}: {without} estimates have no ground truth")
+                notes.append(
+                    f"{table.source}: {counted(without, 'estimate', 'has', 'have')} no ground truth"
+                )
             rows = np.flatnonzero(matched >= 0)
             numbers = estimate_ids(table)
             for gripper in grippers:
@@ -93,7 +96,9 @@ def trials_from_estimates(
             lacking = sorted({pairs[i] for i in np.flatnonzero(~has).tolist()})
             without_grasp = ", ".join(f"{name} by {gripper}" for name, gripper in lacking)
             left_out = int((~has).sum())
-            notes.append(f"left out {left_out} trials without a reference grasp: {without_grasp}")
+            notes.append(
+                f"left out {counted(left_out, 'trial')} without a reference grasp: {without_grasp}"
+            )
         table_of_keys, obj_T_est = table_of_keys.filter(has), obj_T_est[has]
     if not len(table_of_keys):
         raise MismatchError(
