@@ -71,7 +71,7 @@ def add(verbs: Verbs) -> None:
     )
     verb.add_argument("--label", metavar="TEXT", help="name for people (default: the file's)")
     _add_choices(verb)
-    add_out(verb, "directory of the dataset: models/ and objects.toml")
+    add_out(verb, "directory of the dataset: models/ and objects.toml", directory=True)
 
 
 def _add_choices(verb: argparse.ArgumentParser) -> None:

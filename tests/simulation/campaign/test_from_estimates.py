@@ -51,7 +51,7 @@ def test_what_is_left_out_is_counted(dataset: BopDataset) -> None:
     requests = trials_from_estimates(results, {"made": dataset}, HANDS, grasps=grasps, notes=notes)
     assert set(requests.keys["obj_id"]) == {5} and set(requests.keys["gripper"]) == {"parallel"}
     assert notes == [
-        "a_made-test.csv: 1 estimates have no ground truth",
+        "a_made-test.csv: 1 estimate has no ground truth",
         "left out 7 trials without a reference grasp: made-1 by parallel, made-1 by "
         "underactuated, made-5 by underactuated",
     ]
