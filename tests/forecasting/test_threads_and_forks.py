@@ -167,6 +167,7 @@ def test_twenty_children_get_what_their_parent_got(folder: Path, layer: str) -> 
 
 
 @forks
+@pytest.mark.slow
 def test_children_of_a_parent_that_is_busy(folder: Path) -> None:
     run(folder, FORK_WHILE_BUSY)
 

@@ -22,7 +22,7 @@ def millimetres(length_m: Float[ndarray, "..."]) -> Float[ndarray, "..."]:
     """
     out: ndarray = np.multiply(length_m, 1000.0, out=np.empty(np.shape(length_m)))
     for direction in (-np.inf, np.inf):
-        neighbour = np.nextafter(out, direction)
+        neighbour = np.asarray(np.nextafter(out, direction))
         exact = (metres(out) != length_m) & (metres(neighbour) == length_m)
         out = np.where(exact, neighbour, out)
     return out

@@ -42,7 +42,7 @@ def test_the_tool_centre_point_of_a_foreign_hand_is_in_its_base_frame() -> None:
 def test_a_gripper_may_set_the_limits_on_its_approach(tmp_path: Path) -> None:
     (tmp_path / "three_jaw.xml").write_text(MJCF)
     path = tmp_path / "hand.toml"
-    path.write_text(TOML + "\n[approach]\nforce_n = 25\nshort_m = 0.003\n")
+    path.write_text(TOML + "\n[approach]\nforce_n = 25.0\nshort_m = 0.003\n")
     careful = load_gripper(path)
     settings = TrialSettings.robot(careful)
     assert (settings.contact_force_n, settings.short_m) == (25.0, 0.003)

@@ -248,7 +248,7 @@ def _flips(axis: ndarray) -> list[ndarray]:
     return [_turn(a / n, 2.0) for a, n in zip(across, lengths, strict=True) if n > 0.5]
 
 
-def _turn(axis: ndarray, fold: float) -> ndarray:
+def _turn(axis: ndarray, fold: float | int) -> ndarray:
     return rotation_from_vector(axis * (2 * np.pi / fold))
 
 
@@ -314,14 +314,14 @@ class _Rough:
         axis: ndarray = self.axes[self._single_number]
         return axis
 
-    def _apart(self, axes: ndarray, fold: float) -> ndarray:
+    def _apart(self, axes: ndarray, fold: float | int) -> ndarray:
         """Return the mean distance from the surface after a turn about each axis, metres."""
         turned = _turn(axes, fold) @ self.points.T
         moved = np.swapaxes(turned, -1, -2) + self.surface.centroid
         mean: ndarray = self.surface.roughly(moved).mean(axis=-1)
         return mean
 
-    def _best(self, axes: ndarray, fold: float) -> list[ndarray]:
+    def _best(self, axes: ndarray, fold: float | int) -> list[ndarray]:
         """Return the axes about which a turn moves the surface least, apart, and refined."""
         apart = self._apart(axes, fold)
         most = self._apart(axes[:1], 1)[0] + _ROUGHLY * self.surface.diameter_m
@@ -335,7 +335,7 @@ class _Rough:
                 break
         return [self._refined(axis, fold) for axis in kept]
 
-    def _refined(self, axis: ndarray, fold: float) -> ndarray:
+    def _refined(self, axis: ndarray, fold: float | int) -> ndarray:
         """Tilt an axis until the turned points are nearest; take a coordinate axis if as good."""
         from scipy.optimize import least_squares
 
