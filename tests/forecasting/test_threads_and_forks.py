@@ -99,28 +99,6 @@ in_children(check)
 in_children(check, 2, leave=sys.exit)  # that ends as a process of its own does
 """
 
-FORK_WHILE_BUSY = """
-single, whole = [one(i) for i in range(5)], batch()
-stop = threading.Event()
-
-def busy():
-    while not stop.is_set():
-        batch()
-
-worker = threading.Thread(target=busy)
-worker.start()
-
-def check(k):
-    assert [one(i) for i in range(5)] == single
-    assert k or np.array_equal(batch(), whole)
-
-try:
-    in_children(check, 10)
-finally:
-    stop.set()
-    worker.join()
-"""
-
 PROCESSES = """
 if __name__ == "__main__":
     single = [one(i) for i in range(8)]
@@ -164,12 +142,6 @@ def test_eight_threads_at_once_get_what_one_gets(folder: Path, layer: str) -> No
 @pytest.mark.parametrize("layer", LAYERS)
 def test_twenty_children_get_what_their_parent_got(folder: Path, layer: str) -> None:
     run(folder, FORK, layer=layer)
-
-
-@forks
-@pytest.mark.slow
-def test_children_of_a_parent_that_is_busy(folder: Path) -> None:
-    run(folder, FORK_WHILE_BUSY)
 
 
 @pytest.mark.slow
