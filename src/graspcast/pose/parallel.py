@@ -4,8 +4,8 @@ A few rows are computed by the calling thread: starting others, and waiting for 
 processors are busy, would take longer. More rows are dealt out to threads that live as long as the
 call. Nothing is left behind: no pool of threads that a process could share with its fork, and no
 lock. So calls from many threads at once, and calls after a fork (of a process that computes nothing
-at that moment), are as safe as any other call, which the threading layers of numba (``parallel=True``) do not offer: ``workqueue`` aborts in the
-first case, GNU's OpenMP in the second.
+at that moment), are as safe as any other call. The threading layers of numba (``parallel=True``) do
+not offer this: ``workqueue`` aborts in the first case, GNU's OpenMP in the second.
 
 A kernel is compiled by ``numba.njit(nogil=True)``, and called ``kernel(start, stop, *arguments)``.
 It computes the rows from ``start`` to ``stop`` and writes them into an array among its arguments,
