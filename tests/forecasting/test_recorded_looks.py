@@ -2,27 +2,43 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import pytest
 
+from graspcast import Forecaster
 from graspcast.bop.dataset import BopDataset
 from graspcast.errors import MismatchError
 from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.fallbacks import Fallbacks
 from graspcast.forecasting.recorded_looks import looks_with_views, verdicts_with_views
 from graspcast.forecasting.recorded_verdicts import ViewSettings
-from looked_at import trained, training
+from looked_at import Training, trained, training
 
 
-def test_every_instance_of_the_guide_gets_a_verdict_by_the_views_there_are(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
+@dataclass(frozen=True)
+class World:
+    root: Path
+    given: Training
+    forecaster: Forecaster
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> World:
     root = tmp_path_factory.mktemp("given") / "d"
     given = training(root / "models")
     with pytest.warns(match="not calibrated"):
         forecaster, _ = trained(tmp_path_factory.mktemp("views"))
-        without, _ = trained(tmp_path_factory.mktemp("none"), views=False)
+    return World(root, given, forecaster)
+
+
+def test_every_instance_of_the_guide_gets_a_verdict_by_the_views_there_are(
+    world: World, tmp_path: Path
+) -> None:
+    root, given, forecaster = world.root, world.given, world.forecaster
+    with pytest.warns(match="not calibrated"):
+        without, _ = trained(tmp_path, views=False)
     inputs = Inputs({"d": BopDataset(root)}, {"d": given.results})
     motions = {"d": given.motion}
     settings = ViewSettings(views_from="all", guide="fused")
@@ -39,14 +55,10 @@ def test_every_instance_of_the_guide_gets_a_verdict_by_the_views_there_are(
         verdicts_with_views(Fallbacks([without]), inputs, motions, settings)
 
 
-def test_no_further_model_answers_for_an_object_that_moved(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
-    root = tmp_path_factory.mktemp("given") / "d"
-    given = training(root / "models")
+def test_no_further_model_answers_for_an_object_that_moved(world: World, tmp_path: Path) -> None:
+    root, given, forecaster = world.root, world.given, world.forecaster
     with pytest.warns(match="not calibrated"):
-        forecaster, _ = trained(tmp_path_factory.mktemp("views"))
-        fewer, _ = trained(tmp_path_factory.mktemp("none"), views=False, names="ab")
+        fewer, _ = trained(tmp_path, views=False, names="ab")
     results = {}
     for name, rows in given.results.items():
         poses = rows.cam_T_obj.copy()
@@ -67,12 +79,9 @@ def test_no_further_model_answers_for_an_object_that_moved(
 
 
 def test_what_the_principal_lacks_is_judged_by_the_views_of_others(
-    tmp_path_factory: pytest.TempPathFactory,
+    world: World,
 ) -> None:
-    root = tmp_path_factory.mktemp("given") / "d"
-    given = training(root / "models")
-    with pytest.warns(match="not calibrated"):
-        forecaster, _ = trained(tmp_path_factory.mktemp("views"))
+    root, given, forecaster = world.root, world.given, world.forecaster
     a = given.results["a"]
     here = (a.scene_id == 1) & (a.im_id == 2)
     settings = ViewSettings(views_from="all", guide="fused")

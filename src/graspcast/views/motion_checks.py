@@ -16,6 +16,7 @@ from numpy import ndarray
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
 from graspcast.estimates.selection import listed
+from graspcast.io.wording import counted
 from graspcast.pose.lengths import METRES, UNIT_NAMES, shown
 from graspcast.pose.transforms import compose, invert
 from graspcast.views.camera_motion import CameraMotion
@@ -65,7 +66,7 @@ def check_motion(results: Mapping[str, Results], motion: CameraMotion) -> str:
     if len(pairs) < _LEAST_PAIRS:
         return source + (
             _contradiction(a, b, t_a, t_b, source=source, what="image")
-            or f"compared with the estimates in {_count(len(pairs), 'pair')} of images alone"
+            or f"compared with the estimates in {counted(len(pairs), 'pair')} of images alone"
         )
     if now > _SURELY:
         _refuse_wrong_reading(a, b, t_a, t_b, least=_AGREE, source=source, what="image")
@@ -156,10 +157,6 @@ def _refuse_other_images(results: Mapping[str, Results], motion: CameraMotion) -
 
 def _image(key: tuple[int, int] | None) -> str:
     return "none" if key is None else f"{key[0]}/{key[1]}"
-
-
-def _count(n: int, what: str) -> str:
-    return f"{n} {what}{'' if n == 1 else 's'}"
 
 
 def _contradiction(

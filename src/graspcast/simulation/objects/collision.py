@@ -9,6 +9,7 @@ import numpy as np
 from numpy import ndarray
 
 from graspcast.bop.meshes import Mesh
+from graspcast.io.wording import counted
 from graspcast.pose.lengths import shown
 from graspcast.simulation.objects.decomposition import Decomposition, convex_hull, decompose
 from graspcast.simulation.objects.surface import Surface
@@ -41,7 +42,7 @@ class CollisionShape:
 
     def __str__(self) -> str:
         """Return it in words: ``"8 pieces, up to 4.1 mm outside"``."""
-        count = "1 piece" if len(self.pieces) == 1 else f"{len(self.pieces)} pieces"
+        count = counted(len(self.pieces), "piece")
         if self.sticks_out_m < 1e-4:
             return count
         return f"{count}, up to {shown(self.sticks_out_m)} outside"
