@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -15,7 +14,13 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.loading import Inputs
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.choice import MIN_PARALLAX_RAD, ViewsFrom
-from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
+from graspcast.views.fused_estimates import (
+    FusedEstimates,
+    checked_estimates,
+    fuse_sane,
+    view_rules,
+)
+from graspcast.views.spread import Spreads
 from graspcast.views.statistics import fusion_statistics
 
 __all__ = ["TRAINING_VIEWS", "ViewData", "fuse_by_views", "fuse_for_training", "view_data"]
@@ -183,7 +188,10 @@ def fuse_by_views(
     estimators: Sequence[str],
     principal: str,
     counts: Sequence[int],
-    **rules: Any,
+    *,
+    noise: CameraNoise | None = None,
+    views_from: ViewsFrom = "earlier",
+    min_parallax_rad: float = MIN_PARALLAX_RAD,
 ) -> list[tuple[int, FusedEstimates]]:
     """Fuse the principal's instances of every dataset with camera motion from so many views.
 
@@ -197,9 +205,8 @@ def fuse_by_views(
         Those to fuse, and whose instances.
     counts
         Numbers of views at most.
-    rules
-        Those of :func:`~graspcast.views.fused_estimates.fuse_estimates`: noise, and which views
-        serve.
+    noise, views_from, min_parallax_rad
+        As for :func:`~graspcast.views.fused_estimates.fuse_estimates`.
 
     Returns
     -------
@@ -215,15 +222,20 @@ def fuse_by_views(
         if dataset not in inputs.results:
             raise InputError(f"there is camera motion of {dataset}, but there are no estimates")
         tables = {name: inputs.results[dataset][name] for name in estimators}
+        # Checked once, whatever the number of views.
+        sane, notes = checked_estimates(
+            tables, motion, [principal], dataset=dataset, models=inputs.models
+        )
         for most in counts:
-            part = fuse_estimates(
-                tables,
+            part = fuse_sane(
+                sane,
                 motion,
+                view_rules(views_from, most, min_parallax_rad, noise),
+                Spreads(),
                 dataset=dataset,
                 principal=principal,
                 models=inputs.models,
-                max_views=most,
-                **rules,
+                notes=notes,
             )
             out.append((most, part))
         inputs.add_notes(part.notes)

@@ -255,6 +255,12 @@ def fuse_estimates(
     )
 
 
+@checked(
+    views_from=NAME,
+    max_views=number(1.0, 1000.0),
+    min_parallax_rad=number(0.0, np.pi),
+    noise=a(CameraNoise, type(None), words="a CameraNoise, or None"),
+)
 def view_rules(
     views_from: ViewsFrom, max_views: int, min_parallax_rad: float, noise: CameraNoise | None
 ) -> ViewRules:
