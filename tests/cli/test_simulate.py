@@ -108,10 +108,7 @@ def test_what_cannot_be_simulated_is_refused(
     assert "unknown grasp of 'made-1' by 'parallel'" in said and "Write it in a TOML" in said
     for more in ([], ["--lenient"]):
         said = refused(simulate(world, *more), capsys)
-        assert (
-            "no estimate has both a ground truth and a reference grasp; write grasps of made-1 by"
-            in said
-        )
+        assert "no estimate has both a ground truth and a grasp; write grasps of made-1 by" in said
     said = refused(simulate(world, *tables, "--gripper", "franka"), capsys)
     assert "two grippers are called 'parallel': parallel and franka" in said
     assert not (world / "campaign").exists()
@@ -137,7 +134,7 @@ def test_an_object_without_grasp_or_mesh_stops_no_trial_of_others(
     assert main(command) == 0
     out, err = capsys.readouterr()
     assert "campaign: 5 trials" in out
-    assert "left out 5 trials without a reference grasp: made-2 by parallel" in err
+    assert "left out 5 trials without a grasp: made-2 by parallel" in err
     assert "made-1 60 mm, 0.1 kg, 463 kg/m³; parallel gripper opens to 80 mm" in err
     text = table.read_text()
     table.write_text(text + text[text.index("[[grasp]]") :].replace("made-1", "made-2"))

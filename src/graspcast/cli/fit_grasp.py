@@ -142,7 +142,7 @@ def _fit_grasp(options: argparse.Namespace) -> None:
     reference = found.with_test(test, options.seed)
     rows = [[name.replace("_", " "), str(value)] for name, value in reference.agreement.items()]
     print_table(f"{pair[0]} by {pair[1]}", ["", ""], rows)
-    others = [r for r in mine if (r.grasp.object, r.grasp.gripper) != pair]
+    others = [r for r in mine if str(r.grasp) != str(reference.grasp)]
     write_grasps(options.out, [*others, reference])
     print_text(f"{options.out}: {len(others) + 1} grasps")
     write_json(options.json, {"test": asdict(test), **reference.agreement})

@@ -19,6 +19,8 @@ from graspcast.cli.protocol_options import add_protocol, settings_of
 from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
+    from polars import DataFrame
+
     from graspcast.estimates.loading import Inputs
     from graspcast.simulation.campaign.executors import Executor
     from graspcast.simulation.campaign.requests import TrialRequests
@@ -102,7 +104,8 @@ def _requests(
             inputs.results,
             inputs.datasets,
             grippers,
-            grasps=None if _strict(options) else grasps,
+            grasps=grasps,
+            strict=_strict(options),
             notes=inputs.notes,
         )
     objects = options.objects or inputs.objects
@@ -110,22 +113,18 @@ def _requests(
     lacking = sorted({(o, g) for o in objects for g in grippers} - set(pairs))
     if lacking:
         names = ", ".join(f"{name} by {gripper}" for name, gripper in lacking)
-        inputs.notes.append(f"left out what has no reference grasp: {names}")
+        inputs.notes.append(f"left out what has no grasp: {names}")
     return trials_from_transferred_errors(
         inputs.results,
         inputs.datasets,
-        pairs,
+        [reference.grasp for pair in pairs for reference in grasps.of(*pair)],
         count=options.transferred_errors,
         seed=options.seed,
     )
 
 
 def _simulate(options: argparse.Namespace) -> None:
-    from graspcast.simulation.campaign.campaign import (
-        mostly_collided,
-        reason_counts,
-        run_campaign,
-    )
+    from graspcast.simulation.campaign.campaign import run_campaign
     from graspcast.simulation.campaign.jobs import available_trials, load_setups
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_grippers
@@ -151,7 +150,7 @@ def _simulate(options: argparse.Namespace) -> None:
         grippers=grippers,
     )
     note_sizes(
-        [setup.grasp_object for setup in setups.values()],
+        {setup.grasp_object.name: setup.grasp_object for setup in setups.values()}.values(),
         {setup.gripper.name: setup.gripper for setup in setups.values()}.values(),
     )
     sources = {
@@ -168,12 +167,27 @@ def _simulate(options: argparse.Namespace) -> None:
             sources=sources,
             progress=move,
         )
-    counts = reason_counts(outcomes)
-    rows = [(name, hand, f"{rate:.3f}", *map(str, n)) for name, hand, rate, *n in counts.rows()]
-    print_table("Outcomes", counts.columns, rows)
+    _print_outcomes(outcomes)
     print_text(f"{options.out}: {counted(len(outcomes), 'trial')}")
+
+
+def _print_outcomes(outcomes: DataFrame) -> None:
+    """Print the reasons of each grasp, and which of them mostly collide."""
+    from graspcast.estimates.outcomes import REFERENCE_GRASP
+    from graspcast.simulation.campaign.campaign import mostly_collided, reason_counts
+
+    counts = reason_counts(outcomes)
+    if counts["grasp"].unique().to_list() == [REFERENCE_GRASP]:
+        shown = counts.drop("grasp")
+    else:
+        shown = counts
+    rows = [
+        tuple(f"{value:.3f}" if isinstance(value, float) else str(value) for value in row)
+        for row in shown.rows()
+    ]
+    print_table("Outcomes", shown.columns, rows)
     if often := mostly_collided(counts):
         note(
             f"most trials collide: {', '.join(often)}; graspcast grasps shows whether the "
-            "reference grasp does so with a perfect estimate"
+            "grasp does so with a perfect estimate"
         )

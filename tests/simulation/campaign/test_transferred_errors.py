@@ -19,6 +19,7 @@ from graspcast.simulation.campaign.transferred_errors import (
     TRANSFERRED,
     trials_from_transferred_errors,
 )
+from graspcast.simulation.objects.types import Grasp
 from poses import nudged, random_poses, results_of, write_models
 
 N, OBJECTS = 45, 3
@@ -63,13 +64,17 @@ def results(*, turned: int = 0, spoilt: int | None = None) -> Results:
     return dataclasses.replace(results_of(poses), obj_id=number_of())
 
 
+def grasp_of(name: str, grasp: str = "reference") -> Grasp:
+    return Grasp(np.eye(4), name, "parallel", grasp)
+
+
 def transferred_errors(
     dataset: BopDataset, table: Results, *objects: int, **options: int
 ) -> TrialRequests:
-    pairs = [(f"made-{number}", "parallel") for number in objects]
+    grasps = [grasp_of(f"made-{number}") for number in objects]
     options = {"count": 300} | options
     return trials_from_transferred_errors(
-        {"made": {"a": table}}, {"made": dataset}, pairs, **options
+        {"made": {"a": table}}, {"made": dataset}, grasps, **options
     )
 
 
@@ -143,12 +148,21 @@ def test_seeds_and_other_pairs(dataset: BopDataset) -> None:
 
 
 def test_errors_of_all_objects_are_transferred_to_a_new_one(dataset: BopDataset) -> None:
-    pairs = [("mine-7", "parallel")]
     found = trials_from_transferred_errors(
-        {"made": {"a": results()}}, {"made": dataset}, pairs, count=50
+        {"made": {"a": results()}}, {"made": dataset}, [grasp_of("mine-7")], count=50
     )
     assert len(found.keys) == 50
     assert found.keys["dataset"].unique().to_list() == ["mine"]
+
+
+def test_all_grasps_of_an_object_are_tried_with_the_same_errors(dataset: BopDataset) -> None:
+    grasps = [grasp_of("mine-7", "top"), grasp_of("mine-7", "side"), grasp_of("mine-8")]
+    found = trials_from_transferred_errors(
+        {"made": {"a": results()}}, {"made": dataset}, grasps, count=50
+    )
+    top, side, other = (found.obj_T_est[found.rows_of(g.object, g.gripper, g.name)] for g in grasps)
+    assert np.array_equal(top, side)
+    assert not np.array_equal(top, other)
 
 
 def test_what_is_refused_and_what_is_no_estimate(dataset: BopDataset) -> None:
@@ -157,7 +171,7 @@ def test_what_is_refused_and_what_is_no_estimate(dataset: BopDataset) -> None:
         transferred_errors(dataset, table, 1, count=0)
     with pytest.raises(InputError, match="'mug' has no number"):
         trials_from_transferred_errors(
-            {"made": {"a": table}}, {"made": dataset}, [("mug", "parallel")], count=1
+            {"made": {"a": table}}, {"made": dataset}, [grasp_of("mug")], count=1
         )
     only = table.select(table.obj_id == 2)
     with pytest.raises(MismatchError, match="no errors to transfer to made-2"):

@@ -20,6 +20,7 @@ from graspcast.estimates.matching import match, nearest_truth
 from graspcast.pose.ray_frame import error_along, relative
 from graspcast.pose.transforms import compose, invert, rotation_from_quaternion
 from graspcast.simulation.campaign.requests import TrialRequests
+from graspcast.simulation.objects.types import Grasp
 
 __all__ = ["TRANSFERRED", "trials_from_transferred_errors"]
 
@@ -30,12 +31,14 @@ TRANSFERRED = "transferred"
 def trials_from_transferred_errors(
     results: Mapping[str, Mapping[str, Results]],
     datasets: Mapping[str, BopDataset],
-    pairs: Sequence[tuple[str, str]],
+    grasps: Sequence[Grasp],
     *,
     count: int,
     seed: int = 0,
 ) -> TrialRequests:
-    """Return ``count`` trials of each object and gripper, guided by errors made on other objects.
+    """Return ``count`` trials of each grasp, guided by errors made on other objects.
+
+    All grasps of an object by a gripper are tried with the same errors.
 
     Parameters
     ----------
@@ -43,10 +46,10 @@ def trials_from_transferred_errors(
         Dataset's name to estimator's name to results, whose errors are transferred.
     datasets
         Dataset's name to its BOP directory, with ground truth.
-    pairs
-        Objects (``dataset-number``) and grippers.
+    grasps
+        The grasps, of objects that are called ``dataset-number``.
     count
-        Trials of each object and gripper.
+        Trials of each grasp.
     seed
         Random seed of the errors and viewing directions.
 
@@ -61,7 +64,8 @@ def trials_from_transferred_errors(
         raise InputError(f"count is {count}; give at least 1", parameters=("transferred_errors",))
     names, distances, truths = _errors(results, datasets)
     keys, poses = [], []
-    for name, gripper in pairs:
+    for grasp in grasps:
+        name, gripper = grasp.object, grasp.gripper
         others = np.flatnonzero(names != name)
         if not len(others):
             raise MismatchError(
@@ -84,6 +88,7 @@ def trials_from_transferred_errors(
                 obj_id=pl.lit(number),
                 est_id=pl.lit(0),
                 gripper=pl.lit(gripper),
+                grasp=pl.lit(grasp.name),
             )
         )
     return TrialRequests(pl.concat(keys), np.concatenate(poses))

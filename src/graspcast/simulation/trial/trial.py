@@ -29,7 +29,15 @@ from graspcast.simulation.trial.outcome import REASONS, Outcome, Reason
 from graspcast.simulation.trial.scene import Scene, build_scene
 from graspcast.simulation.trial.settings import TrialSettings
 
-__all__ = ["REASONS", "Outcome", "Reason", "Record", "TrialRunner", "TrialSettings"]
+__all__ = [
+    "REASONS",
+    "Outcome",
+    "Reason",
+    "Record",
+    "TrialRunner",
+    "TrialSettings",
+    "trial_digest",
+]
 
 Record = Callable[[Any, Any, str], None]
 """Called as ``record(model, data, phase)`` before the first step and about every 20 ms of a trial.
@@ -82,7 +90,7 @@ class TrialRunner:
         self.settings = settings or TrialSettings.robot(gripper)
         self.mujoco_version: str = mujoco.__version__
         self.scene = build_scene(grasp_object, gripper, self.settings)
-        self.digest = _digest(grasp_object, gripper, self.settings)
+        self.digest = trial_digest(grasp_object, gripper, self.settings)
         self._tcp_T_base = invert(gripper.base_T_tcp)
 
     def sim_T_base(self, obj_T_est: Float[ndarray, "4 4"], grasp: Grasp) -> Float[ndarray, "4 4"]:
@@ -337,7 +345,8 @@ class _Trial:
             self.record(self.model, self.data, self.phase)
 
 
-def _digest(grasp_object: GraspObject, gripper: Gripper, settings: TrialSettings) -> str:
+def trial_digest(grasp_object: GraspObject, gripper: Gripper, settings: TrialSettings) -> str:
+    """Return the SHA-256 of an object, a gripper and every setting of a trial, as hex."""
     parts: list[str | ndarray] = []
     for piece in grasp_object.pieces:
         if isinstance(piece, ConvexPiece):
