@@ -54,13 +54,3 @@ def test_what_tolerance_cannot_do_is_said(
 ) -> None:
     said = refused([*pair, *options], capsys)
     assert all(word in said for word in words), said
-
-
-@pytest.mark.parametrize("value", ["0", "-1", "nan", "wide"])
-def test_a_deviation_is_above_zero(
-    pair: list[str], value: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        main([*pair, "--deviations", "1", value, "1"])
-    assert stopped.value.code == 2
-    assert "above zero" in capsys.readouterr().err

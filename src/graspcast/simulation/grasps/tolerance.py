@@ -33,10 +33,12 @@ __all__ = [
     "unit_covariance",
 ]
 
+Kind = Literal["shift", "turn"]
+
 AXES = ("closing", "across", "approach")
 """The axes x, y and z of a grasp's frame."""
 
-_LIMITS = {"shift": 0.1, "turn": np.pi / 2}
+_LIMITS: dict[Kind, float] = {"shift": 0.1, "turn": np.pi / 2}
 _JITTER = np.repeat([1e-3, np.deg2rad(1.0)], 3) / np.sqrt(3)
 _SCALE_LIMIT = 16.0
 _FEWEST = 8
@@ -62,7 +64,7 @@ class Reach:
         Number of trials.
     """
 
-    kind: Literal["shift", "turn"]
+    kind: Kind
     axis: str
     sign: int
     ninety: Bounds
@@ -109,7 +111,7 @@ class Tolerance:
     as_given: Bounds
     trials: int
 
-    def smaller(self, kind: str, axis: str) -> Bounds:
+    def smaller(self, kind: Kind, axis: str) -> Bounds:
         """Return the 90 % reach along or about an axis, that of the direction with less of it."""
         mine = [r.ninety for r in self.reaches if (r.kind, r.axis) == (kind, axis)]
         return min(mine, key=lambda bounds: bounds.value)
@@ -154,7 +156,7 @@ class Tolerance:
 _KINDS_AND_AXES = tuple((kind, axis) for kind in _LIMITS for axis in AXES)
 
 
-def _told(kind: str, bounds: Bounds) -> str:
+def _told(kind: Kind, bounds: Bounds) -> str:
     size = bounds.value
     beyond = "more than " if size >= _LIMITS[kind] else ""
     return beyond + (f"{1e3 * size:.2g} mm" if kind == "shift" else f"{np.rad2deg(size):.2g}°")
