@@ -5,10 +5,14 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from graspcast.errors import InputError
 
-__all__ = ["add_covariance", "deviations_of", "told_deviations"]
+if TYPE_CHECKING:
+    from graspcast.simulation.campaign.pose_errors import PoseErrors
+
+__all__ = ["add_covariance", "add_tails", "deviations_of", "drawn_errors", "told_deviations"]
 
 
 def add_covariance(verb: argparse.ArgumentParser, what: str) -> None:
@@ -27,6 +31,29 @@ def add_covariance(verb: argparse.ArgumentParser, what: str) -> None:
         type=Path,
         help="instead, the table that graspcast fuse --covariances writes",
     )
+
+
+def add_tails(verb: argparse.ArgumentParser) -> None:
+    """Add ``--tails``."""
+    verb.add_argument(
+        "--tails",
+        metavar="N",
+        type=_tails,
+        help="degrees of freedom of Student's t distribution, of which such errors are drawn:\n"
+        "above 2, the fewer the more gross errors; inf for a normal distribution (default: 4)",
+    )
+
+
+def _tails(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not value > 2:
+        raise argparse.ArgumentTypeError(
+            f"degrees of freedom above 2, or inf, are needed, not {text!r}"
+        )
+    return value
 
 
 def _deviation(text: str) -> float:
@@ -71,3 +98,33 @@ def told_deviations(given: tuple[float, float, float]) -> str:
         f"standard deviations of {1e3 * across:.3g} mm across and {1e3 * along:.3g} mm along the "
         f"viewing ray, and {math.degrees(turn):.3g}°"
     )
+
+
+def drawn_errors(options: argparse.Namespace) -> PoseErrors | None:
+    """Return errors drawn by ``--deviations`` or ``--covariances``, None without both.
+
+    Raises
+    ------
+    InputError
+        If there are estimates too, or tails without anything to draw.
+    """
+    from graspcast.simulation.campaign.pose_errors import TAILS, PoseErrors
+    from graspcast.views.covariance_table import read_covariances
+
+    deviations = deviations_of(options)
+    if deviations is None and options.covariances is None:
+        if options.tails is not None:
+            raise InputError(
+                "tails are of errors that are drawn; give their standard deviations",
+                parameters=("tails", "deviations"),
+            )
+        return None
+    if options.estimates:
+        raise InputError(
+            "errors are either those of estimates or drawn: give one or the other",
+            parameters=("estimates", "deviations", "covariances"),
+        )
+    how = {"tails": TAILS if options.tails is None else options.tails, "seed": options.seed}
+    if deviations is None:
+        return PoseErrors.of_covariances(read_covariances(options.covariances), **how)
+    return PoseErrors.of_deviations(*deviations, **how)
