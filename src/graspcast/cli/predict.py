@@ -98,8 +98,8 @@ def add(verbs: Verbs) -> None:
         "--transferred-errors",
         metavar="N",
         type=positive,
-        help="instead, verdicts on N instances of each object that --objects names, which may have\n"
-        "no images: estimates of other objects, seen from random sides, as if they were of it",
+        help="instead, verdicts on N instances of each object that --objects names, which may be\n"
+        "without images: estimates of other objects, seen from random sides, as if they were of it",
     )
     verb.add_argument(
         "--seed", metavar="N", type=count, default=0, help="random seed of --transferred-errors"

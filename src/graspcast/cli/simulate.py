@@ -107,10 +107,9 @@ def _requests(
     grippers: tuple[str, ...],
 ) -> TrialRequests:
     from graspcast.simulation.campaign.from_estimates import trials_from_estimates
-    from graspcast.simulation.campaign.pose_errors import PoseErrors
     from graspcast.simulation.campaign.transferred_errors import trials_from_transferred_errors
 
-    if options.transferred_errors is None:
+    if errors is None:
         return trials_from_estimates(
             inputs.results,
             inputs.datasets,
@@ -128,20 +127,20 @@ def _requests(
         names = ", ".join(f"{name} by {gripper}" for name, gripper in lacking)
         inputs.notes.append(f"left out what has no grasp: {names}")
     return trials_from_transferred_errors(
-        errors or PoseErrors.of_estimates(inputs.results, inputs.datasets),
+        errors,
         [reference.grasp for pair in pairs for reference in grasps.of(*pair)],
         count=options.transferred_errors,
         seed=options.seed,
     )
 
 
-def _inputs(options: argparse.Namespace, errors: PoseErrors | None) -> Inputs:
+def _inputs(options: argparse.Namespace, drawn: PoseErrors | None) -> Inputs:
     """Load the estimates; where errors are drawn there are none, but models."""
     from graspcast.bop.dataset import BopDataset
     from graspcast.estimates.loading import Inputs
 
     transferred = options.transferred_errors is not None
-    if errors is not None:
+    if drawn is not None:
         if not transferred:
             raise InputError(
                 "drawn errors are for trials of objects without images: say how many of each",
@@ -161,12 +160,16 @@ def _inputs(options: argparse.Namespace, errors: PoseErrors | None) -> Inputs:
 def _simulate(options: argparse.Namespace) -> None:
     from graspcast.simulation.campaign.campaign import run_campaign
     from graspcast.simulation.campaign.jobs import available_trials, load_setups
+    from graspcast.simulation.campaign.pose_errors import PoseErrors
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_grippers
     from graspcast.simulation.objects.catalogue import read_catalogue
 
-    errors = drawn_errors(options)
-    inputs = _inputs(options, errors)
+    drawn = drawn_errors(options)
+    inputs = _inputs(options, drawn)
+    errors = drawn
+    if errors is None and options.transferred_errors is not None:
+        errors = PoseErrors.of_estimates(inputs.results, inputs.datasets)
     grippers = load_grippers(options.gripper)
     settings = {name: settings_of(options, gripper) for name, gripper in grippers.items()}
     grasps = read_grasps(options.grasps)
@@ -188,8 +191,8 @@ def _simulate(options: argparse.Namespace) -> None:
         {setup.grasp_object.name: setup.grasp_object for setup in setups.values()}.values(),
         {setup.gripper.name: setup.gripper for setup in setups.values()}.values(),
     )
-    if errors is not None:
-        note(*(f"{name}: {told}" for name, told in errors.sources.items()))
+    if drawn is not None:
+        note(*(f"{name}: {told}" for name, told in drawn.sources.items()))
     with progress_bar("simulating") as move:
         outcomes = run_campaign(
             requests,
