@@ -109,7 +109,7 @@ class PoseErrors:
         if not names:
             raise InputError("there are no estimates", parameters=("estimates",))
         sources = {
-            f"errors of {estimator} on {dataset}": table.source
+            f"{estimator} on {dataset}": table.source
             for dataset, tables in results.items()
             for estimator, table in tables.items()
         }
