@@ -94,6 +94,11 @@ def add(verbs: Verbs) -> None:
         "verdicts after each look to this CSV, with the columns instance, looks and ended; --out "
         "then holds the verdicts at which looking ended",
     )
+    _add_transferred(verb)
+    add_out(verb, "the verdicts' CSV", others=("stages",))
+
+
+def _add_transferred(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--transferred-errors",
         metavar="N",
@@ -110,7 +115,6 @@ def add(verbs: Verbs) -> None:
         type=Path,
         help="write these estimates as results files too, with their ground truth",
     )
-    add_out(verb, "the verdicts' CSV", others=("stages",))
 
 
 def _predict(options: argparse.Namespace) -> None:
