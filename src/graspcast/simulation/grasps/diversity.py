@@ -8,10 +8,14 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from graspcast.bop.models import ModelInfo
 from graspcast.pose.transforms import invert
 from graspcast.simulation.grasps.proposals import OpenHand
+from graspcast.simulation.objects.surface import Surface
+from graspcast.simulation.objects.symmetries import find_symmetries
+from graspcast.simulation.objects.types import GraspObject
 
-__all__ = ["Spacing", "hand_symmetries"]
+__all__ = ["Spacing", "hand_symmetries", "shape_symmetries"]
 
 _SAME_M = 2e-3
 _MOST_SYMMETRIES = 72
@@ -92,6 +96,13 @@ def hand_symmetries(hand: OpenHand) -> Float[ndarray, "h 4 4"]:
         if all(_same(turn, middles, size[..., 0], hand) for turn in turns):
             return np.array([*found, *turns])
     return np.array(found)
+
+
+def shape_symmetries(grasp_object: GraspObject) -> tuple[Float[ndarray, "s 4 4"], str]:
+    """Return the symmetries of an object's shape, with the identity, and say them in words."""
+    found = find_symmetries(Surface(grasp_object.vertices, grasp_object.faces))
+    info = ModelInfo(0, 1.0, np.zeros(3), np.ones(3), found.discrete, found.continuous)
+    return info.symmetries, str(found)
 
 
 def _about_z(angle: float) -> Float[ndarray, "4 4"]:

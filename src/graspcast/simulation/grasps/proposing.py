@@ -16,6 +16,8 @@ from graspcast.pose.transforms import invert, transform_points
 from graspcast.simulation.grasps.candidates import Candidates, candidates_of
 from graspcast.simulation.grasps.diversity import Spacing, hand_symmetries
 from graspcast.simulation.grasps.no_grasp import why_no_grasp
+from graspcast.simulation.grasps.pose_files import GraspPoses
+from graspcast.simulation.grasps.pose_frames import PoseFrame, check_pose_frame
 from graspcast.simulation.grasps.proposals import OpenHand, surface_points
 from graspcast.simulation.grasps.ranking import Effort, RankedGrasp, rank_grasps
 from graspcast.simulation.grasps.table import Figure, ReferenceGrasp
@@ -24,7 +26,7 @@ from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import Grasp, GraspObject
 from graspcast.simulation.trial.trial import TrialSettings
 
-__all__ = ["APART_M", "APART_RAD", "ProposedGrasps", "propose_grasps"]
+__all__ = ["APART_M", "APART_RAD", "ImportedPoses", "ProposedGrasps", "propose_grasps"]
 
 APART_M, APART_RAD = 0.015, np.deg2rad(20.0)
 """Two kept grasps are at least this far apart, in position or in rotation."""
@@ -126,6 +128,28 @@ class ProposedGrasps:
         ]
 
 
+@dataclass(frozen=True, eq=False)
+class ImportedPoses:
+    """Grasps from elsewhere, and the frame that they are said to be in.
+
+    Attributes
+    ----------
+    poses
+        The poses as their file has them.
+    frame
+        What they are poses of; checked by trials at the true pose.
+    """
+
+    poses: GraspPoses
+    frame: PoseFrame
+
+    def candidates(self, pool: TrialPool) -> Candidates:
+        """Return the grasps, after the check; raises as ``check_pose_frame``."""
+        check_pose_frame(pool, self.poses.obj_T_hand, self.frame)
+        grasps = self.frame.obj_T_grasp(self.poses.obj_T_hand, pool.gripper)
+        return Candidates(grasps, tuple(f"imported, {n}" for n in self.poses.names), float("nan"))
+
+
 def propose_grasps(
     grasp_object: GraspObject,
     gripper: Gripper,
@@ -137,13 +161,14 @@ def propose_grasps(
     settings: TrialSettings | None = None,
     symmetries: Float[ndarray, "s 4 4"] | None = None,
     known: Sequence[Grasp] = (),
+    poses: ImportedPoses | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> ProposedGrasps:
     """Find grasps of an object by a gripper that succeed under pose errors.
 
-    Grasps are proposed from the object's shape; those that the open hand reaches are tried at the
-    true pose; those that hold are ranked by their success under the errors
+    Grasps are proposed from the object's shape, or given; those that the open hand reaches are
+    tried at the true pose; those that hold are ranked by their success under the errors
     (:mod:`~graspcast.simulation.grasps.ranking`). The same seed finds the same grasps, whatever the
     number of workers.
 
@@ -168,6 +193,8 @@ def propose_grasps(
         there is none.
     known
         Grasps that are tried too, and kept under their names, however good they are.
+    poses
+        Grasps from elsewhere, which are tried in place of proposals.
     workers
         Number of threads; all usable cores if None.
     progress
@@ -178,6 +205,8 @@ def propose_grasps(
     InputError
         If no grasp is found; the message says why. If the object has no mesh, ``count`` is below 1,
         or there are no errors.
+    MismatchError
+        If grasps from elsewhere are not in the frame that is stated.
     """
     _check(grasp_object, errors, count)
     chosen = settings or TrialSettings.robot(gripper)
@@ -192,13 +221,15 @@ def propose_grasps(
         np.eye(4)[None] if symmetries is None else symmetries,
         hand_symmetries(hand),
     )
-    candidates = candidates_of(pool, hand, rng)
     effort = effort or Effort()
-    chosen_rows = _promising(candidates, pool, hand, errors, spacing, effort.candidates, rng)
+    if poses is None:
+        candidates = candidates_of(pool, hand, rng)
+        rows = _promising(candidates, pool, hand, errors, spacing, effort.candidates, rng)
+    else:
+        candidates = poses.candidates(pool)
+        rows = list(range(len(candidates)))
     given = [RankedGrasp(grasp.obj_T_grasp, grasp.name) for grasp in known]
-    proposed = [
-        RankedGrasp(candidates.obj_T_grasp[row], candidates.origin[row]) for row in chosen_rows
-    ]
+    proposed = [RankedGrasp(candidates.obj_T_grasp[row], candidates.origin[row]) for row in rows]
     ranking = rank_grasps(
         pool,
         [*given, *proposed],
