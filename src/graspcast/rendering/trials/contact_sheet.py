@@ -15,7 +15,7 @@ from graspcast.errors import ExtraMissingError, InputError, MismatchError
 from graspcast.rendering.drawing import FAINT, INK, blank, save_png, write
 from graspcast.rendering.trials.film import describe, write_outcome
 from graspcast.rendering.trials.renderer import SceneRenderer
-from graspcast.simulation.grasps.table import GraspTable
+from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.catalogue import Catalogue, ObjectEntry
 from graspcast.simulation.objects.load import BopDirectories, load_object, why_no_mesh
@@ -23,7 +23,7 @@ from graspcast.simulation.objects.types import Grasp, GraspObject
 from graspcast.simulation.trial.recording import record_trial
 from graspcast.simulation.trial.trial import Outcome, TrialRunner, TrialSettings
 
-__all__ = ["Cell", "draw_cells", "save_sheet"]
+__all__ = ["Cell", "draw_cells", "draw_grasps", "save_sheet"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +114,41 @@ def draw_cells(
                     cells[pair] = Cell(None, str(error))
             if progress is not None:
                 progress(len(cells) / total, f"{entry.name} by {gripper.name}")
+    return cells
+
+
+def draw_grasps(
+    target: GraspObject,
+    gripper: Gripper,
+    references: Sequence[ReferenceGrasp],
+    *,
+    settings: TrialSettings | None = None,
+    size: int = 320,
+    collision: bool = False,
+    progress: Callable[[float, str], None] | None = None,
+) -> dict[tuple[str, str], Cell]:
+    """Run several grasps of one object with a perfect estimate, and draw the closed hand.
+
+    Parameters
+    ----------
+    target, gripper, references
+        The object, the gripper, and grasps of the one by the other.
+    settings
+        How the trials are run; the robot's protocol if None.
+    size, collision, progress
+        As for :func:`draw_cells`.
+
+    Returns
+    -------
+        Cells by name of grasp and gripper.
+    """
+    cells: dict[tuple[str, str], Cell] = {}
+    for reference in references:
+        runner = TrialRunner(reference.applied_to(target), gripper, settings)
+        name = reference.grasp.name
+        cells[name, gripper.name] = _draw_cell(runner, reference.grasp, size, collision)
+        if progress is not None:
+            progress(len(cells) / len(references), name)
     return cells
 
 
