@@ -32,6 +32,7 @@ from graspcast.cli import (
     score,
     simulate,
     train,
+    train_estimator,
     validate_sim,
     watch,
 )
@@ -47,6 +48,7 @@ _VERBS = (
     demo,
     render,
     estimate,
+    train_estimator,
     errors,
     fuse,
     train,
