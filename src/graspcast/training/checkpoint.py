@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 from torch import Tensor, nn
-from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+from torch.optim.swa_utils import AveragedModel
 
 from graspcast.errors import FormatError, InputError
 from graspcast.io.files import atomic_write
@@ -23,6 +23,12 @@ _RATE, _LEAST_RATE, _WARM_UP = 1.5e-3, 1e-5, 500
 """Largest and smallest learning rate; number of the first steps, in which it rises."""
 _AVERAGED = 0.998
 _STATES = ("network", "average", "optimizer")
+
+
+def _averaged(average: Tensor, now: Tensor, count: Tensor) -> Tensor:
+    """Return the running average of a weight; the first weights do not count for long."""
+    keep = min(_AVERAGED, (1 + int(count)) / (10 + int(count)))
+    return average + (1 - keep) * (now - average)
 
 
 def new_network(name: str, objects: Objects) -> nn.Module:
@@ -69,9 +75,7 @@ class Checkpoint:
         torch.manual_seed(1000 * seed + sum(map(ord, name)))
         self.name, self.path = name, directory / f"{name}.pt"
         self.network = new_network(name, objects).to(device, memory_format=torch.channels_last)
-        self.average = AveragedModel(
-            self.network, multi_avg_fn=get_ema_multi_avg_fn(_AVERAGED), use_buffers=True
-        )
+        self.average = AveragedModel(self.network, avg_fn=_averaged, use_buffers=True)
         self.optimizer = torch.optim.AdamW(
             self.network.parameters(), lr=_RATE, weight_decay=1e-2, fused=True
         )
