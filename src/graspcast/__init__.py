@@ -77,6 +77,7 @@ if TYPE_CHECKING:
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.load import load_object
     from graspcast.simulation.trial.gripper_conformance import check_gripper
+    from graspcast.simulation.trial.settings import TrialSettings
     from graspcast.simulation.trial.trial import TrialRunner
     from graspcast.views.camera_motion import CameraMotion, CameraNoise
     from graspcast.views.camera_tables import read_camera_motion
@@ -141,6 +142,7 @@ _HOME = {
     "simulation.grippers": ("load_gripper",),
     "simulation.objects.load": ("load_object",),
     "simulation.trial.gripper_conformance": ("check_gripper",),
+    "simulation.trial.settings": ("TrialSettings",),
     "simulation.trial.trial": ("TrialRunner",),
     "views.camera_motion": ("CameraMotion", "CameraNoise"),
     "views.camera_tables": ("read_camera_motion",),

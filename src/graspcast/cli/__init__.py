@@ -34,6 +34,7 @@ from graspcast.cli import (
     simulate,
     tolerance,
     train,
+    train_estimator,
     validate_sim,
     watch,
 )
@@ -49,6 +50,7 @@ _VERBS = (
     demo,
     render,
     estimate,
+    train_estimator,
     errors,
     fuse,
     train,

@@ -210,7 +210,7 @@ def _known(table: GraspTable, name: str, gripper: str) -> list[ReferenceGrasp]:
 
 def _imported(options: argparse.Namespace) -> ImportedPoses | None:
     from graspcast.simulation.grasps.pose_files import read_grasp_poses
-    from graspcast.simulation.grasps.pose_frames import PoseFrame
+    from graspcast.simulation.grasps.pose_frames import Frame, PoseFrame
     from graspcast.simulation.grasps.proposing import ImportedPoses
 
     if options.poses is None:
@@ -221,7 +221,7 @@ def _imported(options: argparse.Namespace) -> ImportedPoses | None:
             )
         return None
     poses = read_grasp_poses(options.poses)
-    usual = "graspgen" if poses.form == "GraspGen" else "tcp"
+    usual: Frame = "graspgen" if poses.form == "GraspGen" else "tcp"
     read_as = PoseFrame(options.frame or usual, options.closing, options.unit)
     note(*poses.notes, f"{options.poses}: {len(poses)} grasps, read as {read_as.words()}")
     return ImportedPoses(poses, read_as)

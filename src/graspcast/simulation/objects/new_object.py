@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from graspcast.bop.meshes import Mesh, write_mesh
@@ -18,6 +18,7 @@ from graspcast.pose.lengths import METRES, UNIT_NAMES, shown
 from graspcast.simulation.objects.bodies import check_bodies
 from graspcast.simulation.objects.catalogue import ObjectEntry
 from graspcast.simulation.objects.collision import CollisionShape, choose_collision
+from graspcast.simulation.objects.colours import read_colours
 from graspcast.simulation.objects.load import assemble
 from graspcast.simulation.objects.meshes import (
     MassProperties,
@@ -105,6 +106,8 @@ class NewObject:
         The object, ready for trials.
     remarks
         What is odd, or was decided, in words.
+    colours
+        RGB at each vertex of the mesh; None if the file has no colours, or is a BOP model.
     """
 
     entry: ObjectEntry
@@ -114,6 +117,7 @@ class NewObject:
     collision: CollisionShape
     grasp_object: GraspObject
     remarks: tuple[str, ...]
+    colours: UInt8[ndarray, "v 3"] | None = None
 
 
 def make_object(
@@ -181,6 +185,7 @@ def make_object(
         shape,
         assemble(entry, mesh),
         tuple(remark for remark in remarks if remark),
+        None if info is not None else read_colours(path, mesh, read_as),
     )
 
 
