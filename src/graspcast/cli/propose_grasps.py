@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from numpy import ndarray
 
     from graspcast.simulation.campaign.pose_errors import PoseErrors
+    from graspcast.simulation.grasps.pose_frames import Frame
     from graspcast.simulation.grasps.proposing import ImportedPoses, ProposedGrasps
     from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp
     from graspcast.simulation.objects.types import GraspObject
@@ -221,7 +222,7 @@ def _imported(options: argparse.Namespace) -> ImportedPoses | None:
             )
         return None
     poses = read_grasp_poses(options.poses)
-    usual = "graspgen" if poses.form == "GraspGen" else "tcp"
+    usual: Frame = "graspgen" if poses.form == "GraspGen" else "tcp"
     read_as = PoseFrame(options.frame or usual, options.closing, options.unit)
     note(*poses.notes, f"{options.poses}: {len(poses)} grasps, read as {read_as.words()}")
     return ImportedPoses(poses, read_as)
