@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from numpy import ndarray
 
     from graspcast.simulation.campaign.pose_errors import PoseErrors
+    from graspcast.simulation.grasps.pose_frames import Frame
     from graspcast.simulation.grasps.proposing import ImportedPoses, ProposedGrasps
     from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp
     from graspcast.simulation.objects.types import GraspObject

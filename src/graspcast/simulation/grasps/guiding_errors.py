@@ -79,7 +79,8 @@ def guiding_errors(
     # The ray runs downwards; half a turn about x makes it do so.
     sim_R_ray[sim_R_ray[:, 2, 2] > 0] @= np.diag([1.0, -1.0, -1.0])
     axes = grasp_object.sim_T_ref[:3, :3].T @ sim_R_ray
-    words = "; ".join(f"{who}: {what}" for who, what in errors.sources.items())
-    if errors.objects.astype(bool).any():
-        words += f", on {name if mine else 'other objects'}"
+    if (errors.objects != "").any():
+        words = f"those of {', '.join(errors.sources)}, made on {name if mine else 'other objects'}"
+    else:
+        words = "; ".join(errors.sources.values())
     return GuidingErrors(error_along(axes, errors.distance_m[rows], errors.truth[rows]), words)

@@ -49,28 +49,20 @@ def why_no_grasp(
     counts = ", ".join(
         f"{rejected[reason]} {text}" for reason, text in _ON_THE_WAY.items() if rejected[reason]
     )
-    if not len(candidates):
-        wide = candidates.narrowest_m
-        if not math.isnan(wide) and wide > opening:
-            return (
-                f"{who}it is {shown(wide)} wide in its narrowest direction, too wide by "
-                f"{1e3 * (wide - opening):.1f} mm for an opening of "
-                f"{shown(gripper.max_opening_m)} with 1 mm of play on each side ({counts})"
-            )
-        if math.isnan(wide) or not (rejected["object"] or rejected["table"]):
-            return (
-                f"{who}it is too slippery: with a friction of {grasp_object.friction:g} no two of "
-                f"its surfaces face one another enough to be gripped ({counts})"
-            )
-        most = "object" if rejected["object"] > rejected["table"] else "table"
-        return (
-            f"{who}{_ON_THE_WAY[most]} of each of the proposals that fit between the fingers "
-            f"({counts}). Another reference pose (up) or another gripper may leave room"
-        )
+    wide = candidates.narrowest_m
     outcomes = ", ".join(
         f"{number} {_IN_TRIALS[reason]}" for reason, number in tried.most_common() if number
     )
     total = sum(tried.values())
+    if wide > opening:
+        cornered = f"; {counted(total, 'grasp')} at corners failed: {outcomes}" if total else ""
+        return (
+            f"{who}it is {shown(wide)} wide in its narrowest direction, too wide by "
+            f"{1e3 * (wide - opening):.1f} mm for an opening of {shown(gripper.max_opening_m)} "
+            f"with 1 mm of play on each side ({counts}{cornered})"
+        )
+    if not len(candidates):
+        return f"{who}{_before_trials(grasp_object, candidates, counts)}"
     remedy = ""
     if tried["dropped"] + tried["slipped"] > total / 2:
         remedy = (
@@ -80,4 +72,19 @@ def why_no_grasp(
     return (
         f"{who}none of {counted(total, 'grasp')} whose approach is clear holds the object at its "
         f"true pose: {outcomes}{remedy}. Left out before: {counts or 'none'}"
+    )
+
+
+def _before_trials(grasp_object: GraspObject, candidates: Candidates, counts: str) -> str:
+    """Say why no proposal could be tried."""
+    rejected = candidates.rejected
+    if math.isnan(candidates.narrowest_m) or not (rejected["object"] or rejected["table"]):
+        return (
+            f"it is too slippery: with a friction of {grasp_object.friction:g} no two of its "
+            f"surfaces face one another enough to be gripped ({counts})"
+        )
+    most = "object" if rejected["object"] > rejected["table"] else "table"
+    return (
+        f"{_ON_THE_WAY[most]} of each of the proposals that fit between the fingers ({counts}). "
+        "Another reference pose (up) or another gripper may leave room"
     )
