@@ -211,7 +211,7 @@ def _known(table: GraspTable, name: str, gripper: str) -> list[ReferenceGrasp]:
 
 def _imported(options: argparse.Namespace) -> ImportedPoses | None:
     from graspcast.simulation.grasps.pose_files import read_grasp_poses
-    from graspcast.simulation.grasps.pose_frames import Frame, PoseFrame
+    from graspcast.simulation.grasps.pose_frames import PoseFrame
     from graspcast.simulation.grasps.proposing import ImportedPoses
 
     if options.poses is None:
