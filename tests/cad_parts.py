@@ -60,10 +60,10 @@ def bracket() -> trimesh.Trimesh:
 
 
 def socket() -> trimesh.Trimesh:
-    """A block of 60 mm with two blind pits, which meet in an edge."""
-    filled = np.ones((6, 6, 4), dtype=bool)
+    """A block of 70 mm with two blind pits."""
+    filled = np.ones((7, 7, 4), dtype=bool)
     filled[1:3, 1:3, 2:] = False
-    filled[3:5, 3:5, 2:] = False
+    filled[4:6, 4:6, 2:] = False
     return blocks(filled, (0.01, 0.01, 0.01))
 
 
