@@ -76,9 +76,7 @@ def add(verbs: Verbs) -> None:
         "out of distribution; 0 accepts every p-value (default: 0.01)",
     )
     verb.add_argument(
-        "--explain",
-        action="store_true",
-        help="say in each reason which features moved the probability most",
+        "--explain", action="store_true", help="say which features moved each probability most"
     )
     add_policy(
         verb,
