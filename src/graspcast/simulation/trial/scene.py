@@ -57,6 +57,8 @@ class Scene:
         Body numbers of the object, the hand's base and the arm's mount.
     object_qpos, approach_qpos, lift_qpos
         Positions of the object's pose and of the arm's slides in ``data.qpos``.
+    lift_ctrl
+        Actuator number of the lift.
     hand_joints
         Joint numbers of the hand.
     joint_levers
@@ -86,6 +88,7 @@ class Scene:
     object_qpos: slice
     approach_qpos: int
     lift_qpos: int
+    lift_ctrl: int
     hand_joints: ndarray
     joint_levers: ndarray
     hand_ctrl: dict[str, int]
@@ -172,6 +175,13 @@ class Scene:
         """Return the speed of the fastest joint of the hand, m/s; of a hinge, at its lever."""
         speeds = self.data.qvel[self.model.jnt_dofadr[self.hand_joints]] * self.joint_levers
         return float(np.abs(speeds).max())
+
+    def hand_saturated(self) -> bool:
+        """Return whether every actuator of the hand exerts its largest force."""
+        actuators = list(self.hand_ctrl.values())
+        limits = np.abs(self.model.actuator_forcerange[actuators]).max(axis=1)
+        forces = np.abs(self.data.actuator_force[actuators])
+        return bool(((limits > 0) & (forces > 0.999 * limits)).all())
 
     def grip_n(self) -> float:
         """Return the horizontal force with which the hand presses on each side of the object, N.
@@ -269,6 +279,7 @@ def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSett
         object_qpos=slice(start, start + 7),
         approach_qpos=int(model.jnt_qposadr[model.joint("approach").id]),
         lift_qpos=int(model.jnt_qposadr[model.joint("lift").id]),
+        lift_ctrl=model.actuator("lift").id,
         hand_joints=joints,
         joint_levers=levers,
         hand_ctrl=controls,

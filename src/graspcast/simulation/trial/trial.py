@@ -20,6 +20,7 @@ from graspcast.simulation.grippers.protocol import Gripper, gripper_digest
 from graspcast.simulation.objects.types import ConvexPiece, Grasp, GraspObject, check_rigid
 from graspcast.simulation.trial.collision import SAMPLE_S, Approach, CollisionMonitor
 from graspcast.simulation.trial.early_stopping import (
+    CHECK_S,
     HoldMonitor,
     above_table,
     left_behind_offset_m,
@@ -38,7 +39,7 @@ The phases are "approach", "close" and "lift". The state must not be changed.
 """
 
 _SWEEP_M = 0.002
-_COMMAND_S, _CHECK_S, _RECORD_S = 0.02, 0.1, 0.02
+_COMMAND_S, _RECORD_S = 0.02, 0.02
 
 
 class TrialRunner:
@@ -281,7 +282,6 @@ class _Trial:
         at_grasp = scene.centroid_in_base()
         gripped = scene.parts_on_object() >= 2
         hold = HoldMonitor(scene, at_grasp)
-        servo = self.model.actuator("lift").id
         scene.lock_approach()
         lifted = 0.0
         while True:
@@ -292,17 +292,13 @@ class _Trial:
                 final = left_behind_offset_m(scene, at_grasp, remaining)
                 if final is not None:
                     return False, "dropped" if gripped else "missed", final
-            if self.early_stop and lifted > 0 and hold.should_stop(lifted, contacts):
-                break
+            if self.early_stop:
+                pressing = closed or scene.hand_saturated()
+                if hold.should_stop(lifted, contacts, pressing=pressing):
+                    break
             if lifted >= settings.lift_s - 1e-9:
                 break
-            while lifted < settings.lift_ramp_s - 1e-9:
-                lifted += _COMMAND_S
-                data.ctrl[servo] = settings.lift_speed * min(1.0, lifted / settings.lift_ramp_s)
-                self._advance_closing(_COMMAND_S)
-            interval = min(_CHECK_S, settings.lift_s - lifted)
-            self._advance_closing(interval)
-            lifted += interval
+            lifted = self._advance_lift(lifted, min(CHECK_S, settings.lift_s - lifted))
             self._check_stable()
         offset = float(np.linalg.norm(scene.centroid_in_base() - at_grasp))
         if offset <= settings.tolerance_m:
@@ -310,6 +306,22 @@ class _Trial:
         if contacts.hand_object:
             return False, "slipped", offset
         return False, "dropped" if gripped else "missed", offset
+
+    def _advance_lift(self, lifted: float, seconds: float) -> float:
+        """Simulate some time of the lift, and return the time since its start."""
+        end, ramp = lifted + seconds, self.settings.lift_ramp_s
+        while lifted < min(end, ramp) - 1e-9:
+            lifted += _COMMAND_S
+            self._command_lift(min(1.0, lifted / ramp))
+            self._advance_closing(_COMMAND_S)
+        if lifted < end - 1e-9:
+            self._command_lift(1.0)
+            self._advance_closing(end - lifted)
+        return max(lifted, end)
+
+    def _command_lift(self, share: float) -> None:
+        """Command a share of the lift's speed."""
+        self.data.ctrl[self.scene.lift_ctrl] = share * self.settings.lift_speed
 
     def _advance(self, seconds: float) -> None:
         """Simulate some time."""
