@@ -19,7 +19,7 @@ from graspcast.pose.transforms import invert, quaternion, rotation_from_quaterni
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.mujoco_messages import compile_spec
 from graspcast.simulation.objects.types import ConvexPiece, GraspObject, box_corners
-from graspcast.simulation.trial.scene_spec import ARM_STIFFNESS, scene_spec
+from graspcast.simulation.trial.scene_spec import ARM_STIFFNESS, scene_spec, set_solver
 from graspcast.simulation.trial.settings import TrialSettings
 
 __all__ = ["HAND", "OBJECT", "TABLE", "Contacts", "Scene", "build_scene"]
@@ -42,8 +42,8 @@ class Contacts(NamedTuple):
 class Scene:
     """Compiled model of a scene, one state of it, and the indices of its parts in both.
 
-    Only :meth:`place` and :meth:`lock_approach` change ``model``: the pose of the arm's mount and
-    the force limit of its approach. ``place`` sets both.
+    Only :meth:`place` and :meth:`start_lift` change ``model``: the pose of the arm's mount, the
+    force limit of its approach, and the solver's options. ``place`` sets all of them.
 
     Attributes
     ----------
@@ -101,6 +101,7 @@ class Scene:
 
     def place(self, sim_T_base: Float[ndarray, "4 4"], approach_m: float) -> None:
         """Reset to rest, the hand's base ``approach_m`` along the approach from ``sim_T_base``."""
+        set_solver(self.model.opt, self.settings.solver)
         mujoco.mj_resetData(self.model, self.data)
         self.model.body_pos[self.mount_body] = sim_T_base[:3, 3]
         mujoco.mju_mat2Quat(self.model.body_quat[self.mount_body], sim_T_base[:3, :3].ravel())
@@ -117,8 +118,9 @@ class Scene:
         parked[2, 3] = _PARKED_M
         self.place(parked, 0.0)
 
-    def lock_approach(self) -> None:
-        """Hold the hand at its current place on the approach, with its current force."""
+    def start_lift(self) -> None:
+        """Hold the hand at its current place on the approach; set the solver for the lift."""
+        set_solver(self.model.opt, self.settings.lift_solver)
         servo = self.model.actuator("approach").id
         lead = self.data.actuator_force[servo] / ARM_STIFFNESS
         self.data.act[self.model.actuator_actadr[servo]] = self.data.qpos[self.approach_qpos] + lead

@@ -282,7 +282,7 @@ class _Trial:
         at_grasp = scene.centroid_in_base()
         gripped = scene.parts_on_object() >= 2
         hold = HoldMonitor(scene, at_grasp)
-        scene.lock_approach()
+        scene.start_lift()
         lifted = 0.0
         while True:
             contacts = scene.contacts()
