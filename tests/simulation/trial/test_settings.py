@@ -39,7 +39,7 @@ def test_every_setting_is_in_the_digest() -> None:
     settings = TrialSettings()
     other = {"integrator": "euler", "cone": "pyramidal", "condim": 3, "hand_touches_table": False}
     other |= {"solref": (0.012, 1.0), "solimp": (0.9, 0.95, 0.001)}
-    other |= {"solver": (1e-9, "dense"), "lift_solver": (1e-14, "dense")}
+    other |= {"solver": (1e-9, "dense"), "grip_solver": (1e-14, "dense")}
     digests = {settings.digest()}
     for field in fields(settings):
         value = other.get(field.name) or getattr(settings, field.name) * 1.5

@@ -42,8 +42,9 @@ class Contacts(NamedTuple):
 class Scene:
     """Compiled model of a scene, one state of it, and the indices of its parts in both.
 
-    Only :meth:`place` and :meth:`start_lift` change ``model``: the pose of the arm's mount, the
-    force limit of its approach, and the solver's options. ``place`` sets all of them.
+    Only :meth:`place`, :meth:`set_grip_solver` and :meth:`lock_approach` change ``model``: the pose
+    of the arm's mount, the force limit of its approach, and the solver's options. ``place`` sets
+    all of them.
 
     Attributes
     ----------
@@ -118,9 +119,12 @@ class Scene:
         parked[2, 3] = _PARKED_M
         self.place(parked, 0.0)
 
-    def start_lift(self) -> None:
-        """Hold the hand at its current place on the approach; set the solver for the lift."""
-        set_solver(self.model.opt, self.settings.lift_solver)
+    def set_grip_solver(self) -> None:
+        """Set the solver that applies from when the hand grips."""
+        set_solver(self.model.opt, self.settings.grip_solver)
+
+    def lock_approach(self) -> None:
+        """Hold the hand at its current place on the approach, with its current force."""
         servo = self.model.actuator("approach").id
         lead = self.data.actuator_force[servo] / ARM_STIFFNESS
         self.data.act[self.model.actuator_actadr[servo]] = self.data.qpos[self.approach_qpos] + lead

@@ -99,12 +99,13 @@ class TrialSettings:
     iterations
         Limit of the constraint solver.
     solver
-        MuJoCo's tolerance of the constraint solver before the lift, and how it stores Jacobians.
-        1e-14 and "sparse" would make trials cheaper and steadier: the solver starts from the
-        solution of the step before, and the noise that a loose tolerance leaves there costs more
-        iterations than it saves. But the outcomes of marginal trials are not those of before.
-    lift_solver
-        The same during the lift.
+        MuJoCo's tolerance of the constraint solver until the hand grips, and how it stores
+        Jacobians. With those of ``grip_solver`` trials would be cheaper still, but rounding decides
+        marginal trials in this part: a few in a thousand would get another label.
+    grip_solver
+        The same from when the closing hand has gripped the object. The tolerance is far below
+        MuJoCo's default, and steps cost less: the solver starts from the solution of the step
+        before, and what a loose tolerance leaves there costs more iterations than it saves.
     """
 
     standoff_m: float = 0.10
@@ -131,7 +132,7 @@ class TrialSettings:
     solimp: tuple[float, float, float] = (0.95, 0.99, 0.001)
     iterations: int = 50
     solver: tuple[float, Literal["dense", "sparse"]] = (1e-8, "dense")
-    lift_solver: tuple[float, Literal["dense", "sparse"]] = (1e-14, "sparse")
+    grip_solver: tuple[float, Literal["dense", "sparse"]] = (1e-14, "sparse")
 
     def __post_init__(self) -> None:
         positive = ("standoff_m", "approach_speed", "lift_speed", "lift_s", "tolerance_m")
@@ -148,7 +149,7 @@ class TrialSettings:
         for name in (*not_negative, "torsion_m"):
             if not getattr(self, name) >= 0:
                 raise InputError(f"trial setting {name} is {getattr(self, name)}; it must be >= 0")
-        for name in ("solver", "lift_solver"):
+        for name in ("solver", "grip_solver"):
             if not 0 <= getattr(self, name)[0] <= 1:
                 raise InputError(
                     f"trial setting {name} has the tolerance {getattr(self, name)[0]}; it must be "

@@ -251,6 +251,8 @@ class _Trial:
             now = self._state()
             if all(np.abs(new - old).max() < 1.0 for new, old in zip(now, before, strict=True)):
                 break
+            if self.scene.parts_on_object() >= 2:
+                self.scene.set_grip_solver()
             before = now
         self._check_stable()
 
@@ -282,7 +284,8 @@ class _Trial:
         at_grasp = scene.centroid_in_base()
         gripped = scene.parts_on_object() >= 2
         hold = HoldMonitor(scene, at_grasp)
-        scene.start_lift()
+        scene.set_grip_solver()
+        scene.lock_approach()
         lifted = 0.0
         while True:
             contacts = scene.contacts()
