@@ -16,7 +16,7 @@ from numpy import ndarray
 from graspcast.errors import MismatchError
 from graspcast.io.hashing import sha256
 from graspcast.pose.transforms import compose, invert
-from graspcast.simulation.grippers.protocol import Gripper, gripper_digest
+from graspcast.simulation.grippers.protocol import Equilibrium, Gripper, gripper_digest
 from graspcast.simulation.objects.types import ConvexPiece, Grasp, GraspObject, check_rigid
 from graspcast.simulation.trial.collision import SAMPLE_S, Approach, CollisionMonitor
 from graspcast.simulation.trial.early_stopping import (
@@ -85,6 +85,7 @@ class TrialRunner:
         self.scene = build_scene(grasp_object, gripper, self.settings)
         self.digest = _digest(grasp_object, gripper, self.settings)
         self._tcp_T_base = invert(gripper.base_T_tcp)
+        self._equilibrium = gripper.equilibrium
 
     def sim_T_base(self, obj_T_est: Float[ndarray, "4 4"], grasp: Grasp) -> Float[ndarray, "4 4"]:
         """Return the pose of the hand's base: the reference grasp transferred to the estimate."""
@@ -129,7 +130,9 @@ class TrialRunner:
                 raise MismatchError(
                     f"the grasp is for the {what} {given!r}, the trial for {mine!r}"
                 )
-        trial = _Trial(self.scene, self.gripper, early_stop=early_stop, record=record)
+        trial = _Trial(
+            self.scene, self.gripper, self._equilibrium, early_stop=early_stop, record=record
+        )
         return trial.run(self.sim_T_base(obj_T_est, grasp))
 
 
@@ -140,9 +143,17 @@ class _UnstableError(Exception):
 class _Trial:
     """One trial on a scene."""
 
-    def __init__(self, scene: Scene, gripper: Gripper, *, early_stop: bool, record: Record | None):
+    def __init__(
+        self,
+        scene: Scene,
+        gripper: Gripper,
+        equilibrium: Equilibrium,
+        *,
+        early_stop: bool,
+        record: Record | None,
+    ):
         self.scene, self.gripper, self.settings = scene, gripper, scene.settings
-        self.closing, self.equilibrium = gripper.closing, gripper.equilibrium
+        self.closing, self.equilibrium = gripper.closing, equilibrium
         self.model, self.data = scene.model, scene.data
         self.early_stop, self.record = early_stop, record
         self.phase = "approach"
