@@ -28,6 +28,7 @@ from graspcast.io import markdown
 from graspcast.io.files import write_text
 from graspcast.paper.dataset import DATASETS, ESTIMATORS, GRIPPERS, Published
 from graspcast.pose.metrics import nearest_symmetric
+from graspcast.pose.transforms import project_to_rotation, transform
 from graspcast.simulation.campaign.from_estimates import trials_from_estimates
 from graspcast.simulation.grasps.proposing import propose_grasps
 from graspcast.simulation.grasps.ranking import success_interval
@@ -63,7 +64,9 @@ class Errors:
         rows = np.flatnonzero(
             (self.trials.keys["object"].to_numpy() == name) & ((self.split == "test") == test)
         )
-        return nearest_symmetric(self.trials.obj_T_est[rows], self.symmetries(name))
+        near = nearest_symmetric(self.trials.obj_T_est[rows], self.symmetries(name))
+        # The rotations in a file of symmetries are rounded.
+        return transform(project_to_rotation(near[:, :3, :3]), near[:, :3, 3])
 
 
 def one_pair(name: str, gripper: str, errors: Errors, work: Path, most: int) -> dict[str, Any]:

@@ -19,21 +19,15 @@ from graspcast.simulation.trial.trial import TrialRunner
 from jaws import write_jaws
 
 FEW = Effort(candidates=24, first_errors=3, parents=2, variations=1, jitter=2, final=3)
+TINY = Effort(candidates=8, first_errors=2, parents=1, variations=1, jitter=1, final=1)
 ERRORS = exp(np.random.default_rng(3).standard_normal((30, 6)) * np.repeat([0.006, 0.08], 3))
 
 
 @cache
-def _found(workers: int = 1) -> ProposedGrasps:
+def _found() -> ProposedGrasps:
     known = [Grasp(from_top(0.02), "box", "parallel", "top")]
-    return propose_grasps(
-        brick(),
-        load_gripper("parallel"),
-        ERRORS,
-        count=6,
-        effort=FEW,
-        known=known,
-        workers=workers,
-    )
+    gripper = load_gripper("parallel")
+    return propose_grasps(brick(), gripper, ERRORS, count=6, effort=FEW, known=known, workers=1)
 
 
 def test_the_best_come_first_and_all_hold_at_the_true_pose() -> None:
@@ -60,7 +54,11 @@ def test_they_are_different_from_one_another() -> None:
 
 
 def test_the_number_of_threads_makes_no_difference() -> None:
-    one, two = _found(1), _found(2)
+    gripper = load_gripper("parallel")
+    one, two = (
+        propose_grasps(brick(), gripper, ERRORS, count=2, effort=TINY, workers=workers)
+        for workers in (1, 2)
+    )
     for a, b in zip(one.grasps, two.grasps, strict=True):
         assert a.name == b.name and np.array_equal(a.obj_T_grasp, b.obj_T_grasp)
     assert [r.success for r in one.ranked] == [r.success for r in two.ranked]
@@ -81,8 +79,8 @@ def test_figures_are_written_and_read_again(tmp_path: Path) -> None:
 
 def test_a_gripper_of_one_s_own(tmp_path: Path) -> None:
     gripper = load_gripper(write_jaws(tmp_path))
-    found = propose_grasps(brick(), gripper, ERRORS, count=3, effort=FEW, workers=1)
-    assert len(found.grasps) == 3 and found.ranked[0].rate > 0.5
+    found = propose_grasps(brick(), gripper, ERRORS, count=2, effort=TINY, workers=1)
+    assert found.ranked[0].rate > 0.5
 
 
 @pytest.mark.slow

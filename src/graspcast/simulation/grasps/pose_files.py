@@ -123,9 +123,7 @@ def _of_graspgen(content: Mapping[str, Any], grasps: Mapping[str, Any], path: Pa
     notes = []
     if len(rows) < len(listed):
         failed = len(listed) - len(rows)
-        notes.append(
-            f"left out {counted(failed, 'grasp')} that failed (object_in_gripper is false)"
-        )
+        notes.append(f"left out {counted(failed, 'failed grasp')} (object_in_gripper is false)")
     described = content.get("object", {})
     scale = described.get("scale", 1.0) if isinstance(described, Mapping) else 1.0
     if scale != 1.0:

@@ -122,12 +122,16 @@ def check_pose_frame(
         or if none even touches the object.
     """
     few = poses[np.unique(np.linspace(0, len(poses) - 1, _MOST_TRIED).round().astype(int))]
-    reasons = _tried(pool, few, stated)
+    fits = _unit_fits(few, stated.unit)
+    # In too small a unit all grasps are at the object's origin, which may well be held.
+    reasons = _tried(pool, few, stated) if fits else Counter[str]()
     held = reasons["held"]
     if held >= _ENOUGH * len(few):
         return held, len(few)
     best, most = stated, held
     for other in _others(stated):
+        if not _unit_fits(few, other.unit):
+            continue
         found = _tried(pool, few, other)["held"]
         if found > most:
             best, most = other, found
@@ -147,6 +151,12 @@ def check_pose_frame(
             parameters=("frame",),
         )
     return held, len(few)
+
+
+def _unit_fits(poses: Float[ndarray, "n 4 4"], unit: str) -> bool:
+    """Return whether hands are near the object's origin, but not all at it, in a unit."""
+    away = float(np.median(np.linalg.norm(poses[:, :3, 3], axis=1)))
+    return away > 1.0 if unit == "mm" else away <= 1.0
 
 
 def _tried(pool: TrialPool, poses: ndarray, frame: PoseFrame) -> Counter[str]:
