@@ -75,6 +75,8 @@ if TYPE_CHECKING:
     from graspcast.simulation.campaign.jobs import load_setups
     from graspcast.simulation.campaign.pose_errors import PoseErrors
     from graspcast.simulation.campaign.transferred_errors import trials_from_transferred_errors
+    from graspcast.simulation.grasps.guiding_errors import guiding_errors
+    from graspcast.simulation.grasps.proposing import propose_grasps
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grasps.tolerance import measure_tolerance
     from graspcast.simulation.grippers import load_gripper
@@ -144,6 +146,8 @@ _HOME = {
     "simulation.campaign.pose_errors": ("PoseErrors",),
     "simulation.campaign.transferred_errors": ("trials_from_transferred_errors",),
     "simulation.grasps.table": ("read_grasps",),
+    "simulation.grasps.guiding_errors": ("guiding_errors",),
+    "simulation.grasps.proposing": ("propose_grasps",),
     "simulation.grasps.tolerance": ("measure_tolerance",),
     "simulation.grippers": ("load_gripper",),
     "simulation.objects.load": ("load_object",),

@@ -199,7 +199,8 @@ class _Ranking:
         self._report(0.06, f"{len(holding)} that hold, with {first} errors each")
         best = self._best([*always, *holding], first)
         self._report(0.28, f"the better ones, with {2 * first} errors each")
-        best = self._best(best[: max(count + count // 3, len(best) // 3)], 2 * first)
+        better = max(count + count // 3, len(best) // 3)
+        others, best = best[better:], self._best(best[:better], 2 * first)
         self._report(0.41, "grasps near the best")
         varied = [
             RankedGrasp(vary(parent.obj_T_grasp, *_VARIED, self.rng), f"{parent.origin}, varied")
@@ -207,7 +208,9 @@ class _Ranking:
             for _ in range(effort.variations)
         ]
         best = self._best([*best, *self._holding(varied, Counter())], 2 * first)
-        best = self._spread(best, count + count // 5, always)
+        chosen = self._spread(best, count + count // 5, always)
+        # Where the better ones are alike, others make up the number.
+        best = chosen if len(chosen) >= count else self._spread([*best, *others], count, always)
         self._report(0.54, f"{len(best)} grasps with {4 * first} errors each")
         best = self._spread(self._best([*always, *best], 4 * first), count, always)
         self._report(0.75, "jittered true poses")
