@@ -62,7 +62,7 @@ def test_one_directory_of_ground_truth_for_each_dataset(dataset: BopDataset) -> 
     with pytest.raises(InputError, match="2 directories of ground truth for 1 BOP") as caught:
         load_inputs(paths, bop=bop, ground_truth=[truth, truth])
     assert caught.value.parameters == ("ground_truth", "bop")
-    with pytest.raises(InputError, match="there are already estimates of made by a"):
+    with pytest.raises(InputError, match="is given twice, as estimates by a"):
         load_inputs([*paths, paths[0]], bop=bop)
 
 

@@ -39,7 +39,7 @@ def datasets_in(path: str | PathLike[str]) -> tuple[str, ...]:
 
 def _readings(path: str | PathLike[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the datasets that may follow a method, and those that may be the name's beginning."""
-    stem = _UUID.sub("", Path(path).stem)
+    stem = _UUID.sub("", _stem(path))
     ends = [found.start() for found in _SPLIT.finditer(stem)]
     if not ends:
         # No hyphen within a dataset whose split is not known.
@@ -52,6 +52,12 @@ def _readings(path: str | PathLike[str]) -> tuple[tuple[str, ...], tuple[str, ..
     after_method = tuple(dict.fromkeys(name for part in parts for name in part))
     whole = [stem[:end] for end, part in zip(ends, parts, strict=True) if part or not after_method]
     return after_method, tuple(name for name in whole if _is_name(name))
+
+
+def _stem(path: str | PathLike[str]) -> str:
+    """Return a file's name without its ending, ``.csv`` or ``.csv.gz``."""
+    name = Path(path).name
+    return Path(name[: -len(".gz")] if name.lower().endswith(".gz") else name).stem
 
 
 def _names_before(stem: str, end: int) -> list[str]:
@@ -128,9 +134,9 @@ def swapped_names(files: Sequence[tuple[str, Path]]) -> list[str]:
         Estimators' names and their files, which are not read.
     """
     names = {name for name, _ in files}
-    methods = [(name, path, path.stem.partition("_")[0]) for name, path in files]
+    methods = [(name, path, _stem(path).partition("_")[0]) for name, path in files]
     return [
         f"Warning: {path}, named after {method}, is given as estimates by {name}"
         for name, path, method in methods
-        if method != name and method in names and "_" in path.stem
+        if method != name and method in names and "_" in _stem(path)
     ]

@@ -6,11 +6,8 @@ instance, ``scene_id,im_id,obj_id,score,R,t,time``, with R row-major and t in mi
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from operator import itemgetter
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -19,6 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from graspcast.bop.results_csv import csv_rows
 from graspcast.bop.results_rows import COLUMNS, checked_rows, parse_rows
 from graspcast.bop.summary import summary
 from graspcast.bop.units import millimetres
@@ -205,7 +203,7 @@ def read_results(
     """
     path = Path(path)
     lines, rows, short = [], [], 0
-    for line, fields in _csv_rows(path):
+    for line, fields in csv_rows(path, read_text(path)):
         if fields is not None:
             lines.append(line)
             rows.append(fields)
@@ -240,42 +238,6 @@ def write_results(path: str | PathLike[str], results: Results) -> None:
 
 def _join(values: ndarray) -> str:
     return " ".join(repr(float(v)) for v in values.ravel())
-
-
-def _csv_rows(path: Path) -> Iterator[tuple[int, tuple[str, ...] | None]]:
-    """Yield line number and the fields of ``COLUMNS``; None for too few or too many fields."""
-    try:
-        with io.StringIO(read_text(path), newline="") as stream:
-            reader = csv.reader(stream, strict=True)
-            first = next(reader, [])
-            if _is_row(first):  # without a header, as BOP's own tools write and read them
-                header = list(COLUMNS)
-                yield reader.line_num, tuple(first)
-            else:
-                header = [name.strip() for name in first]
-            missing = [name for name in COLUMNS[:-1] if name not in header]
-            if missing:
-                found = ", ".join(header) or "none"
-                raise FormatError(
-                    path,
-                    f"no column {', '.join(map(repr, missing))}; found {found}; the first line of "
-                    f"a results file is {','.join(COLUMNS)}",
-                    where="line 1",
-                )
-            unknown = () if "time" in header else ("-1",)
-            wanted = itemgetter(*(header.index(name) for name in COLUMNS if name in header))
-            for fields in reader:
-                if fields:
-                    whole = len(fields) == len(header)
-                    yield reader.line_num, (*wanted(fields), *unknown) if whole else None
-    except csv.Error as error:
-        raise FormatError(path, f"is not a CSV file ({error})") from error
-
-
-def _is_row(fields: list[str]) -> bool:
-    """Return whether this line is no header, but the first row of a file without one."""
-    whole = (field.strip().isdecimal() for field in fields[:3])
-    return len(fields) == len(COLUMNS) and all(whole)
 
 
 def _columns_of(frame: Any, source: str) -> dict[str, list[Any]]:

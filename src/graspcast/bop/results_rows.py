@@ -41,15 +41,29 @@ def _finite(cell: Any) -> float:
 
 
 def _duration(cell: Any) -> float:
-    """Return seconds, or -1 for what is no duration: no verb depends on it."""
-    value = float(cell)
+    """Return seconds, or -1 for what is no duration, whatever it is: no verb depends on it."""
+    try:
+        value = float(cell)
+    except (TypeError, ValueError, OverflowError):
+        return -1.0
     return value if isfinite(value) and value >= 0 else -1.0
+
+
+_SEPARATORS = str.maketrans(dict.fromkeys("[](){},;", " "))
+
+
+def _floats(cell: Any) -> list[float]:
+    if not isinstance(cell, str):
+        return [float(part) for part in np.ravel(cell).tolist()]
+    try:
+        return [float(part) for part in cell.split()]
+    except ValueError:
+        return [float(part) for part in cell.translate(_SEPARATORS).split()]
 
 
 def _numbers(count: int) -> Callable[[Any], list[float]]:
     def parse(cell: Any) -> list[float]:
-        parts = cell.split() if isinstance(cell, str) else np.ravel(cell).tolist()
-        values = [float(part) for part in parts]
+        values = _floats(cell)
         if len(values) != count or not all(map(isfinite, values)):
             raise ValueError
         return values
@@ -64,7 +78,7 @@ _PARSERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "score": (_finite, "a finite number"),
     "R": (_numbers(9), "nine finite numbers, row by row, separated by spaces"),
     "t": (_numbers(3), "three finite numbers in millimetres, separated by spaces"),
-    "time": (_duration, "seconds; -1 or nan if unknown"),
+    "time": (_duration, "seconds"),
 }
 
 

@@ -84,7 +84,7 @@ def add_estimates(verb: argparse.ArgumentParser, *, required: bool, built_in: bo
         action="append",
         default=[],
         required=required,
-        help="an estimator's BOP results CSV; once for each estimator (and dataset)"
+        help="an estimator's BOP results CSV; several of one estimator are put together"
         + ("; built-in: those of the built-in estimators on the shipped tables" * built_in),
     )
 

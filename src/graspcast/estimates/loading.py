@@ -28,6 +28,7 @@ from graspcast.estimates.alignment import Estimates, align, concatenate
 from graspcast.estimates.consistency import check_tables, describe_lengths
 from graspcast.estimates.matching import true_poses
 from graspcast.estimates.outcomes import read_all_outcomes
+from graspcast.estimates.parts import put_together
 from graspcast.estimates.selection import Selection, check_scenes, known_objects
 from graspcast.io.arguments import PATH, refuse_unless, sequence
 
@@ -174,7 +175,8 @@ def load_inputs(
     Parameters
     ----------
     estimates
-        Estimator's name to its file; or pairs of them, where a name may come once for each dataset.
+        Estimator's name to its file; or pairs of them, where a name may come several times: for
+        several datasets, and for several files of one, which are put together.
     bop
         BOP directories, or pairs of a name and a directory that is called otherwise.
     ground_truth
@@ -221,18 +223,20 @@ def load_inputs(
     wanted.check_datasets(dict.fromkeys(of for _, _, of, _ in files))
     out = Inputs(datasets, {})
     out.notes.extend(swapped_names([(name, path) for name, path, _, _ in files]))
-    tables: dict[str, dict[str, Results]] = {}
+    parts: dict[str, dict[str, list[Results]]] = {}
     for name, path, of, stated in files:
-        mine = tables.setdefault(of, {})
-        if name in mine:
-            raise InputError(f"{path}: there are already estimates of {of} by {name}")
+        mine = parts.setdefault(of, {}).setdefault(name, [])
         if wanted.numbers(of) == []:
             continue  # an object of another dataset is wanted
-        mine[name] = read_results(path, lenient=lenient)
-        _note_dropped(mine[name], out.notes)
-        if of in datasets and len(mine[name]):
-            note = check_scenes(mine[name], datasets[of], stated=stated)
+        mine.append(read_results(path, lenient=lenient))
+        _note_dropped(mine[-1], out.notes)
+        if of in datasets and len(mine[-1]):
+            note = check_scenes(mine[-1], datasets[of], stated=stated)
             out.notes.extend([note] if note else [])
+    tables = {
+        of: {name: put_together(name, tables) for name, tables in found.items() if tables}
+        for of, found in parts.items()
+    }
     results = _chosen(tables, wanted, datasets, lenient, out.notes)
     for of, found in results.items():
         check_tables(found, datasets[of].models if of in datasets else None)
