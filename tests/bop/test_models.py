@@ -120,3 +120,21 @@ def test_distances_of_estimates_are_compared_with_diameters(tmp_path: Path) -> N
         models.check_distances("a.csv", ones, wrong)
     models.check_distances("a.csv", ones + 4, wrong)  # no model of it
     models.check_distances("a.csv", ones[:0], poses[:0])
+
+
+def test_bounds_and_offsets_that_are_missing(tmp_path: Path) -> None:
+    axis: Any = {"symmetries_continuous": [{"axis": [0, 0, 1]}]}
+    folder = write_models(tmp_path / "models", obj_1=axis)
+    path = folder / "models_info.json"
+    whole = read_models_info(path)[1]
+    assert whole.continuous[0].offset.tolist() == [0, 0, 0]
+    entry = json.loads(path.read_text())["1"]
+    path.write_text(json.dumps({"1": {"diameter": entry["diameter"]}}))
+    info = read_models_info(path)[1]
+    assert_allclose([*info.lower, *info.size], [*whole.lower, *whole.size])
+    path.write_text(json.dumps({"1": {"diameter": entry["diameter"], "min_x": -20}}))
+    with pytest.raises(FormatError, match="object 1: no 'min_y'"):
+        read_models_info(path)
+    path.write_text(json.dumps({"7": {"diameter": entry["diameter"]}}))
+    with pytest.raises(FormatError, match=r"object 7: no min_x, …, size_z, and no obj_000007.ply"):
+        read_models_info(path)

@@ -15,9 +15,10 @@ from pathlib import Path
 
 from graspcast.errors import InputError, MismatchError
 
-__all__ = ["belongs_to", "datasets_in", "swapped_names"]
+__all__ = ["belongs_to", "datasets_in", "split_in", "swapped_names"]
 
 _SPLIT = re.compile(r"-(?:train|val|test|onboarding)(?![A-Za-z])", re.IGNORECASE)
+_SPLIT_AND_TYPE = re.compile(r"(?:train|val|test|onboarding)(?:-[a-z][a-z0-9]*)?(?![a-z0-9])")
 _OTHER_SPLIT = re.compile(r"-(?=[A-Za-z])")
 _UUID = re.compile(r"_[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}(?![0-9a-f])", re.IGNORECASE)
 
@@ -123,6 +124,30 @@ def belongs_to(path: str | PathLike[str], datasets: Collection[str]) -> tuple[st
         f"{path}: of which dataset, {' or '.join(datasets)}? N{rename[1:]}",
         parameters=("estimates",),
     )
+
+
+def split_in(path: str | PathLike[str], dataset: str) -> str:
+    """Return the split that a results file's name states, as BOP's directories are called.
+
+    Parameters
+    ----------
+    path
+        The file; it is not read.
+    dataset
+        The dataset that it is of.
+
+    Returns
+    -------
+        ``test``, ``val`` or, with its type, ``test_primesense``; empty if it states none.
+
+    Examples
+    --------
+    >>> split_in("m_tless-test-primesense_7c9f443f.csv", "tless")
+    'test_primesense'
+    """
+    after = _UUID.sub("", _stem(path)).casefold().rpartition(f"{dataset.casefold()}-")[2]
+    found = _SPLIT_AND_TYPE.match(after)
+    return found[0].replace("-", "_") if found else ""
 
 
 def swapped_names(files: Sequence[tuple[str, Path]]) -> list[str]:

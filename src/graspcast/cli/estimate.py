@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text, progress_bar
-from graspcast.cli.options import Verbs, add_out, maybe_named, new_verb
+from graspcast.cli.options import Verbs, add_out, add_sensor, maybe_named, new_verb
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.io.wording import counted
 
@@ -42,8 +42,12 @@ def add(verbs: Verbs) -> None:
         help="BOP dataset directory with images; NAME=DIR if the directory is called otherwise",
     )
     verb.add_argument(
-        "--split", metavar="NAME", default="test", help="the split with the images (default: test)"
+        "--split",
+        metavar="NAME",
+        help="the split with the images, val or test_primesense (default: test, or the only one "
+        "that begins so)",
     )
+    add_sensor(verb)
     verb.add_argument(
         "--detections",
         metavar="FILE",
@@ -107,7 +111,7 @@ def _estimate(options: argparse.Namespace) -> None:
     if not is_command and options.timeout_s:
         raise InputError(f"--timeout is for a command; {name} is built in")
     dataset_name, root = options.bop
-    dataset = BopDataset(root, split=options.split, name=dataset_name)
+    dataset = BopDataset(root, split=options.split, name=dataset_name, sensor=options.sensor)
     _note_name(options.out, dataset.name)
     detections = read_detections(options.detections, dataset, lenient=options.lenient)
     _note_dropped(detections)

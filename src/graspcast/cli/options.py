@@ -29,6 +29,7 @@ __all__ = [
     "add_ood_alpha",
     "add_out",
     "add_outcomes",
+    "add_sensor",
     "add_tables",
     "bop_dirs_of",
     "check_outputs",
@@ -90,7 +91,7 @@ def add_estimates(verb: argparse.ArgumentParser, *, required: bool, built_in: bo
 
 
 def add_bop(verb: argparse.ArgumentParser) -> None:
-    """``--bop``, ``--ground-truth``."""
+    """``--bop``, ``--ground-truth``, ``--sensor``."""
     verb.add_argument(
         "--bop",
         metavar="DIR",
@@ -105,7 +106,19 @@ def add_bop(verb: argparse.ArgumentParser) -> None:
         type=Path,
         action="append",
         default=[],
-        help="scene folders with scene_gt.json, if not in test/ of the BOP directory",
+        help="scene folders with scene_gt.json, if not in the split of the BOP directory that the "
+        "estimates are of (test/)",
+    )
+    add_sensor(verb)
+
+
+def add_sensor(verb: argparse.ArgumentParser) -> None:
+    """``--sensor``."""
+    verb.add_argument(
+        "--sensor",
+        metavar="NAME",
+        help="which camera's, where a BOP directory holds the images of several (cam1: "
+        "scene_gt_cam1.json, rgb_cam1)",
     )
 
 
@@ -144,6 +157,7 @@ def inputs_of(options: argparse.Namespace, *, every_object: bool = False) -> Inp
         objects=[] if every_object else options.objects,
         scenes=sorted(set().union(*options.scenes)),
         lenient=options.lenient,
+        sensor=options.sensor,
     )
 
 

@@ -26,11 +26,12 @@ from graspcast.errors import (
 )
 from graspcast.estimates.alignment import Estimates, align, concatenate
 from graspcast.estimates.consistency import check_tables, describe_lengths
+from graspcast.estimates.directories import named_directories, open_directories
 from graspcast.estimates.matching import true_poses
 from graspcast.estimates.outcomes import read_all_outcomes
 from graspcast.estimates.parts import put_together
 from graspcast.estimates.selection import Selection, check_scenes, known_objects
-from graspcast.io.arguments import PATH, refuse_unless, sequence
+from graspcast.io.arguments import refuse_unless, sequence
 
 __all__ = ["Inputs", "load_inputs", "load_outcomes"]
 
@@ -166,11 +167,13 @@ def load_inputs(
     objects: Sequence[str] = (),
     scenes: Sequence[int] = (),
     lenient: bool = False,
+    sensor: str | None = None,
 ) -> Inputs:
     """Read results CSVs and the BOP directories they belong to.
 
     A file belongs to the dataset that its name states (``METHOD_DATASET-SPLIT.csv``, with whatever
-    follows in the names of the BOP Challenge); if it states none, to the only BOP directory.
+    follows in the names of the BOP Challenge); if it states none, to the only BOP directory. The
+    name states the split, too, where the directory has it; otherwise it is ``test``.
 
     Parameters
     ----------
@@ -187,6 +190,8 @@ def load_inputs(
         The numbers of the wanted scenes, all if empty.
     lenient
         Skip bad rows and unknown objects.
+    sensor
+        The camera that took the images, where the BOP directories hold those of several.
 
     Raises
     ------
@@ -195,31 +200,10 @@ def load_inputs(
         BOP directory, an object without a model, no estimate that is wanted.
     """
     pairs = _pairs(estimates)
-    where = "load_inputs"
-    words = "a directory, or a pair of a name and a directory"
-    roots = sequence((lambda root: isinstance(root, str | PathLike | tuple), words))
-    refuse_unless(roots, bop, where, "bop")
-    refuse_unless(sequence(PATH), ground_truth, where, "ground_truth")
-    if len(ground_truth) not in (0, len(bop)):
-        raise InputError(
-            f"{len(ground_truth)} directories of ground truth for {len(bop)} BOP directories: give "
-            "none, or one for each, in the same order",
-            parameters=("ground_truth", "bop"),
-        )
-    datasets: dict[str, BopDataset] = {}
-    for i, entry in enumerate(bop):
-        name, root = (None, entry) if isinstance(entry, str | PathLike) else entry
-        truth = ground_truth[i] if ground_truth else None
-        dataset = BopDataset(root, ground_truth=truth, name=name)
-        if dataset.name in datasets:
-            raise InputError(
-                f"{root}: there is already a dataset {dataset.name}, "
-                f"{datasets[dataset.name].root}; name one of them otherwise, NAME=DIR",
-                parameters=("bop",),
-            )
-        datasets[dataset.name] = dataset
+    named = named_directories(bop, ground_truth)
     wanted = Selection(objects, scenes)
-    files = [(name, Path(given), *belongs_to(given, datasets)) for name, given in pairs]
+    files = [(name, Path(given), *belongs_to(given, named)) for name, given in pairs]
+    datasets = open_directories(named, [(path, of) for _, path, of, _ in files], sensor)
     wanted.check_datasets(dict.fromkeys(of for _, _, of, _ in files))
     out = Inputs(datasets, {})
     out.notes.extend(swapped_names([(name, path) for name, path, _, _ in files]))
