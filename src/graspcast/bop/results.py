@@ -16,14 +16,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.bop.results_csv import csv_rows
+from graspcast.bop.pose_readers import pose_rows
+from graspcast.bop.pose_rows import Stated
 from graspcast.bop.results_rows import COLUMNS, checked_rows, parse_rows
 from graspcast.bop.summary import summary
 from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError
 from graspcast.io.arguments import PATH, a, checked
 from graspcast.io.files import write_text
-from graspcast.io.reading import read_text
 
 __all__ = [
     "Results",
@@ -60,6 +60,8 @@ class Results:
         The file they came from, for messages.
     dropped
         How many rows were left out, by reason.
+    remarks
+        What the file lacks, in words.
     """
 
     scene_id: Int[ndarray, " n"]
@@ -71,6 +73,7 @@ class Results:
     line: Int[ndarray, " n"]
     source: str = "results"
     dropped: Mapping[str, int] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.obj_id) if isinstance(self.obj_id, ndarray) and self.obj_id.ndim else 0
@@ -179,9 +182,16 @@ def score_order(results: Results) -> Int[ndarray, " n"]:
 
 @checked(path=PATH)
 def read_results(
-    path: str | PathLike[str], *, lenient: bool = False, placeholders: bool = False
+    path: str | PathLike[str],
+    *,
+    lenient: bool = False,
+    placeholders: bool = False,
+    stated: Stated | None = None,
 ) -> Results:
-    """Read a BOP results CSV.
+    """Read poses: a BOP results CSV, or another file that states scene, image and object.
+
+    The others (:mod:`graspcast.bop.pose_readers`) are SAM-6D's JSON, and, with what they do not
+    say themselves, object data of MegaPose and matrices of FoundationPose.
 
     Rows whose translation is zero, whatever the rotation, are an estimator's placeholder for
     "nothing found"; they are dropped and counted in ``dropped["placeholder"]``.
@@ -194,18 +204,23 @@ def read_results(
         Skip bad rows and count them in ``dropped["bad row"]``, instead of raising.
     placeholders
         Keep placeholders (the paper's tables count them as estimates).
+    stated
+        What the file does not say itself, and the unit of length if it is another than the
+        format's.
 
     Raises
     ------
     FormatError
         Naming file, line and remedy: a missing column, a field of the wrong type, a matrix further
-        than 0.02 from a rotation, a repeated row, or translations that look like metres.
+        than 0.02 from a rotation, a repeated row, or translations that look like metres; or, for a
+        file of no known form, what each reader misses.
     """
-    path = Path(path)
-    lines, rows, short = [], [], 0
-    for line, fields in csv_rows(path, read_text(path)):
+    path, stated = Path(path), stated or Stated()
+    found = pose_rows(path, stated)
+    places, rows, short = [], [], 0
+    for place, fields in zip(found.places, found.rows, strict=True):
         if fields is not None:
-            lines.append(line)
+            places.append(place)
             rows.append(fields)
         elif lenient:
             short += 1
@@ -213,12 +228,15 @@ def read_results(
             raise FormatError(
                 path,
                 f"does not have the {len(COLUMNS)} fields of the header",
-                where=f"line {line}",
+                where=f"{found.place} {place}",
                 parameters=("lenient",),
             )
-    parsed = parse_rows(path, "line", lines, rows, lenient=lenient)
+    parsed = parse_rows(path, found.place, places, rows, lenient=lenient)
     parsed.bad += short
-    return Results(**checked_rows(parsed, placeholders=placeholders))
+    unit = stated.unit or found.unit
+    results = Results(**checked_rows(parsed, placeholders=placeholders, length_unit=unit))
+    lines = results.line if found.place == "line" else np.zeros_like(results.line)
+    return replace(results, line=lines, remarks=found.remarks)
 
 
 @checked(path=PATH, results=a(Results))

@@ -11,7 +11,7 @@ from pathlib import Path
 from graspcast.bop.results_rows import COLUMNS
 from graspcast.errors import FormatError
 
-__all__ = ["csv_rows"]
+__all__ = ["csv_rows", "is_results_csv"]
 
 _Fields = tuple[str, ...]
 
@@ -58,6 +58,15 @@ def csv_rows(path: Path, text: str) -> Iterator[tuple[int, _Fields | None]]:
                     yield reader.line_num, pick(fields)
     except csv.Error as error:
         raise FormatError(path, f"is not a CSV file ({error})") from error
+
+
+def is_results_csv(text: str) -> bool:
+    """Return whether text begins as a results CSV does: with some of its columns, or a row."""
+    try:
+        first = next(csv.reader(io.StringIO(text, newline=""), delimiter=_delimiter(text)), [])
+    except csv.Error:
+        return True  # which reading it will explain
+    return _is_row(first) or any(name.strip() in COLUMNS for name in first)
 
 
 def _delimiter(text: str) -> str:

@@ -368,9 +368,10 @@ def check_outputs(options: argparse.Namespace) -> None:
     for name, value in vars(options).items():
         for path in _paths(value) if name not in outputs else ():
             if path.resolve() in written and path.is_file():
-                option = name.replace("_", "-")
+                option = f"--{name.replace('_', '-')}"
+                option = getattr(options, "positional", {}).get(name, option)
                 raise InputError(
-                    f"{path}: is read (--{option}) and would be replaced "
+                    f"{path}: is read ({option}) and would be replaced "
                     f"(--{written[path.resolve()]}); write to another file"
                 )
     for name in written.values():

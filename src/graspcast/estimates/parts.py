@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -57,7 +58,9 @@ def put_together(estimator: str, parts: Sequence[Results]) -> Results:
         for why, n in part.dropped.items():
             dropped[why] = dropped.get(why, 0) + n
     more = f" and {len(sources) - _MOST_NAMED} more" if len(sources) > _MOST_NAMED else ""
-    columns = {name: np.concatenate([getattr(p, name) for p in parts]) for name in _COLUMNS}
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(p, name) for p in parts]) for name in _COLUMNS
+    }
     return replace(
         parts[0],
         **columns,
