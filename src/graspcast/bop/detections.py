@@ -18,10 +18,11 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from graspcast.bop.dataset import BopDataset, GroundTruth, Target
+from graspcast.bop.detection_files import read_detection_file
 from graspcast.bop.summary import summary
 from graspcast.errors import FormatError, InputError
 from graspcast.io.arguments import PATH, checked
-from graspcast.io.json import identifier, numbers, read_json, require, write_json
+from graspcast.io.json import identifier, numbers, require, write_json
 
 __all__ = ["Detections", "jittered", "read_detections", "write_detections"]
 
@@ -61,6 +62,8 @@ class Detections:
         How many entries were left out, by reason.
     remarks
         What is odd about them, in words.
+    in_file
+        Whether the file, of the form of the BOP Challenge, may be given to others in their place.
     """
 
     scene_id: Int[ndarray, " n"]
@@ -72,6 +75,7 @@ class Detections:
     detector: str = ""
     dropped: Mapping[str, int] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    in_file: bool = False
 
     def __len__(self) -> int:
         return len(self.obj_id)
@@ -82,7 +86,7 @@ class Detections:
     def select(self, which: Bool[ndarray, " n"] | Int[ndarray, " m"]) -> Detections:
         """Return some of the rows, by mask or by row number."""
         names = ("scene_id", "im_id", "obj_id", "score", "box_xywh")
-        return replace(self, **{name: getattr(self, name)[which] for name in names})
+        return replace(self, in_file=False, **{n: getattr(self, n)[which] for n in names})
 
     def images(self) -> dict[tuple[int, int], Detections]:
         """Group the detections by image: (scene_id, im_id), in ascending order, to detections."""
@@ -96,12 +100,15 @@ class Detections:
 def read_detections(
     path: str | PathLike[str], dataset: BopDataset | None = None, *, lenient: bool = False
 ) -> Detections:
-    """Read a BOP detections file; masks and run times in it are not used.
+    """Read a detections file; masks and run times in it are not used.
+
+    It has the form of the BOP Challenge, of GDRNPP and ZebraPose, or of COCO
+    (:mod:`graspcast.bop.detection_files`).
 
     Parameters
     ----------
     path
-        The JSON file.
+        The JSON file, or ``.json.gz``.
     dataset
         The dataset that they should belong to; if given, images and objects are checked.
     lenient
@@ -115,14 +122,13 @@ def read_detections(
         outside of the image. Also, whether lenient or not, if the boxes are shares of the image or
         pairs of corners.
     """
-    entries = read_json(path, list)
+    file = read_detection_file(path)
     checks = _Checks(dataset)
-    remarks = _check_convention(_boxes(entries, path), checks.size, path)
+    remarks = _check_convention(_boxes(file.entries, path), checks.size, path)
     rows: list[tuple[int, int, int, float, list[float]]] = []
     makers: set[str] = set()
     dropped: Counter[str] = Counter()
-    for i, entry in enumerate(entries):
-        where = f"entry {i}"
+    for entry, where in zip(file.entries, file.places, strict=True):
         try:
             row = _parse(entry, path, where)
             checks.box(row, path, where)
@@ -149,6 +155,7 @@ def read_detections(
         detector=", ".join(sorted(makers - {""})),
         dropped=dict(dropped),
         remarks=remarks,
+        in_file=file.is_bop,
     )
 
 
@@ -240,11 +247,14 @@ class _Checks:
                 "pixel; a box is x, y, width, height in pixels",
                 where=where,
             )
-        if self.size and not _meets((x, y, width, height), self.size):
+        size = self.size
+        if size is None or not _meets((x, y, width, height), size):
+            size = self.dataset.size_of(scene_id, im_id) if self.dataset else None
+        if size and not _meets((x, y, width, height), size):
             raise FormatError(
                 path,
                 f"the box [{x:g}, {y:g}, {width:g}, {height:g}] lies outside of the image, which "
-                f"has {self.size[0]} x {self.size[1]} pixels",
+                f"has {size[0]} x {size[1]} pixels",
                 where=where,
             )
         first = self.seen.setdefault((scene_id, im_id, obj_id, x, y, width, height), where)
