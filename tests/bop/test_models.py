@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
 
 from graspcast.bop.models import Models, read_models_info
@@ -138,3 +139,24 @@ def test_bounds_and_offsets_that_are_missing(tmp_path: Path) -> None:
     path.write_text(json.dumps({"7": {"diameter": entry["diameter"]}}))
     with pytest.raises(FormatError, match=r"object 7: no min_x, …, size_z, and no obj_000007.ply"):
         read_models_info(path)
+
+
+def test_vertices_of_no_face_are_left_out_where_the_bounds_say_so(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = write_models(tmp_path / "models")
+    path = folder / "obj_000001.ply"
+    box: Any = trimesh.creation.box((40, 60, 100))
+    vertices = np.concatenate([box.vertices, [[900.0, 0, 0]]])
+    made = trimesh.Trimesh(vertices, box.faces, process=False)
+    path.write_bytes(made.export(file_type="ply"))
+    mesh = Models(folder).mesh(1)
+    assert_allclose(np.ptp(mesh.vertices, axis=0), [0.04, 0.06, 0.1], atol=1e-7)
+    assert len(mesh.faces) == 12 and len(mesh.vertices) == 8
+    assert [r.getMessage() for r in caplog.records] == [
+        f"{path}: vertices of no face are left out: 1"
+    ]
+    box.apply_scale(1000)
+    path.write_bytes(box.export(file_type="ply"))
+    with pytest.raises(FormatError, match="the mesh's longest side is 100 m"):
+        Models(folder).mesh(1)

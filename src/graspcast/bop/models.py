@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -32,6 +33,8 @@ from graspcast.pose.sanity import is_placeholder
 from graspcast.pose.transforms import rotation_from_vector, transform
 
 __all__ = ["ContinuousSymmetry", "ModelInfo", "Models", "mesh_name", "read_models_info"]
+
+_log = logging.getLogger(__name__)
 
 _BOUNDS = tuple(f"{what}_{axis}" for what in ("min", "size") for axis in "xyz")
 
@@ -263,9 +266,7 @@ class Models:
         """
         self[obj_id]
         if obj_id not in self._meshes:
-            mesh = read_mesh(self._path(obj_id))
-            self._check(obj_id, mesh)
-            self._meshes[obj_id] = mesh
+            self._meshes[obj_id] = self._check(obj_id, read_mesh(self._path(obj_id)))
         return self._meshes[obj_id]
 
     def check_a_mesh(self) -> None:
@@ -324,8 +325,17 @@ class Models:
     def _path(self, obj_id: int) -> Path:
         return self.directory / mesh_name(obj_id)
 
-    def _check(self, obj_id: int, mesh: Mesh) -> None:
+    def _check(self, obj_id: int, mesh: Mesh) -> Mesh:
+        """Return the mesh, without vertices of no face if it agrees only so; raise if it does not.
+
+        Scans that were cut out of a larger one may have such vertices far away.
+        """
         info = self.info[obj_id]
         if problem := mesh_problem(info.diameter_m, info.lower, mesh.vertices):
-            raise FormatError(self._path(obj_id), problem)
+            stray = mesh.stray
+            mesh = mesh.without_stray()
+            if not stray or mesh_problem(info.diameter_m, info.lower, mesh.vertices):
+                raise FormatError(self._path(obj_id), problem)
+            _log.warning("%s: vertices of no face are left out: %d", self._path(obj_id), stray)
         self._checked.add(obj_id)
+        return mesh

@@ -84,7 +84,7 @@ def add(verbs: Verbs) -> None:
 
 
 def _add_detections(verb: argparse.ArgumentParser) -> None:
-    """``--detections``, and which of them are used."""
+    """Add ``--detections``, and which of them are used."""
     verb.add_argument(
         "--detections",
         metavar="FILE",
