@@ -195,7 +195,8 @@ def test_objects_and_scenes_that_the_dataset_lacks_are_named(dataset: BopDataset
         load_inputs([("a", stated)], bop=bop)
     inputs = load_inputs([("a", stated)], bop=bop, lenient=True)
     assert inputs.objects == {"made-1"}
-    assert inputs.notes == [f"{stated}: dropped 3 rows (object without a model)"]
+    assert inputs.notes == [f"{stated}: dropped 3 rows (object without a model: 7)"]
+    assert load_inputs([("a", stated)], bop=bop, without_models=True).objects == {"made-1"}
 
 
 def test_no_file_of_another_dataset_is_read_leniently(dataset: BopDataset) -> None:

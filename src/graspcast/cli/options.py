@@ -140,7 +140,9 @@ def add_inputs(
     )
 
 
-def inputs_of(options: argparse.Namespace, *, every_object: bool = False) -> Inputs:
+def inputs_of(
+    options: argparse.Namespace, *, every_object: bool = False, without_models: bool = False
+) -> Inputs:
     """Load what the options of :func:`add_inputs` name."""
     from graspcast.estimates.loading import load_inputs
 
@@ -158,6 +160,7 @@ def inputs_of(options: argparse.Namespace, *, every_object: bool = False) -> Inp
         scenes=sorted(set().union(*options.scenes)),
         lenient=options.lenient,
         sensor=options.sensor,
+        without_models=without_models,
     )
 
 
@@ -174,6 +177,8 @@ def add_images(verb: argparse.ArgumentParser) -> None:
 def inputs_with_images(options: argparse.Namespace, *, used: bool = True) -> Inputs:
     """Load what :func:`inputs_of` does, with image fit where ``--images`` asks for it.
 
+    Objects without a model are left out, with a note: they stop nobody else's verdicts.
+
     Parameters
     ----------
     options
@@ -185,7 +190,7 @@ def inputs_with_images(options: argparse.Namespace, *, used: bool = True) -> Inp
 
     from graspcast.cli.console import progress_bar
 
-    inputs = inputs_of(options)
+    inputs = inputs_of(options, without_models=True)
     if not options.images:
         return inputs
     if not used:

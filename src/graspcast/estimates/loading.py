@@ -30,7 +30,7 @@ from graspcast.estimates.directories import named_directories, open_directories
 from graspcast.estimates.matching import true_poses
 from graspcast.estimates.outcomes import read_all_outcomes
 from graspcast.estimates.parts import put_together
-from graspcast.estimates.selection import Selection, check_scenes, known_objects
+from graspcast.estimates.selection import Selection, check_scenes, known_objects, listed
 from graspcast.io.arguments import refuse_unless, sequence
 
 __all__ = ["Inputs", "load_inputs", "load_outcomes"]
@@ -168,6 +168,7 @@ def load_inputs(
     scenes: Sequence[int] = (),
     lenient: bool = False,
     sensor: str | None = None,
+    without_models: bool = False,
 ) -> Inputs:
     """Read results CSVs and the BOP directories they belong to.
 
@@ -192,6 +193,8 @@ def load_inputs(
         Skip bad rows and unknown objects.
     sensor
         The camera that took the images, where the BOP directories hold those of several.
+    without_models
+        Leave out estimates of objects without a model, with a note, instead of raising.
 
     Raises
     ------
@@ -221,7 +224,7 @@ def load_inputs(
         of: {name: put_together(name, tables) for name, tables in found.items() if tables}
         for of, found in parts.items()
     }
-    results = _chosen(tables, wanted, datasets, lenient, out.notes)
+    results = _chosen(tables, wanted, datasets, lenient or without_models, out.notes)
     for of, found in results.items():
         check_tables(found, datasets[of].models if of in datasets else None)
     return replace(out, results=results)
@@ -237,7 +240,7 @@ def _chosen(
     tables: Mapping[str, Mapping[str, Results]],
     wanted: Selection,
     datasets: Mapping[str, BopDataset],
-    lenient: bool,
+    without_models: bool,
     notes: list[str],
 ) -> dict[str, dict[str, Results]]:
     """Return the wanted rows of every file, of objects that the models know.
@@ -257,9 +260,12 @@ def _chosen(
             if not len(table) and len(files[name]):
                 raise wanted.why_none(files[name], dataset)
             if dataset in datasets:
-                known = known_objects(table, datasets[dataset], lenient=lenient)
+                known = known_objects(table, datasets[dataset], lenient=without_models)
                 if left := len(table) - len(known):
-                    notes.append(f"{table.source}: dropped {left} rows (object without a model)")
+                    numbers = listed(set(table.obj_id.tolist()) - set(known.obj_id.tolist()))
+                    notes.append(
+                        f"{table.source}: dropped {left} rows (object without a model: {numbers})"
+                    )
                 rows[name] = known
         found[dataset] = {}
         for name, table in rows.items():
