@@ -10,6 +10,7 @@ import gzip
 import itertools
 import json
 import re
+import struct
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
@@ -257,6 +258,18 @@ _COCO = {
     ],
     "images": [{"id": i, "file_name": f"{s:06d}/rgb/{i:06d}.png"} for s, i, _, _ in BOXES],
 }
+
+
+def boxes_by_image() -> dict[str, Any]:
+    """Boxes as GDRNPP and ZebraPose keep them."""
+    return _BY_IMAGE
+
+
+def boxes_of_coco() -> dict[str, Any]:
+    """Boxes as COCO keeps them."""
+    return _COCO
+
+
 _DETECTIONS = [
     Variant(
         DETECTIONS, "the format of the BOP Challenge", "all", partial(_detections, content=_BOP)
@@ -530,18 +543,21 @@ _MIXED = [*_QUADS, "3 1 5 7", "3 1 7 3"]
 _COLOURS = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
 
 
-def _binary(root: Path) -> None:
-    """Polygons of three and four corners, in a binary file."""
-    import struct
-
-    _ply(root, _CORNERS, _MIXED)
-    path = root / "obj_000001.ply"
-    head = path.read_text().partition("end_header\n")[0].replace("ascii", "binary_little_endian")
+def mixed_polygons() -> bytes:
+    """A binary PLY file with polygons of three and four corners."""
+    with tempfile.TemporaryDirectory() as name:
+        _ply(Path(name), _CORNERS, _MIXED)
+        text = (Path(name) / "obj_000001.ply").read_text()
+    head = text.partition("end_header\n")[0].replace("ascii", "binary_little_endian")
     body = np.array([c.split() for c in _CORNERS], dtype="<f4").tobytes()
     for face in _MIXED:
         count, *corners = map(int, face.split())
         body += struct.pack(f"<B{count}i", count, *corners)
-    path.write_bytes(f"{head}end_header\n".encode() + body)
+    return f"{head}end_header\n".encode() + body
+
+
+def _binary(root: Path) -> None:
+    (root / "obj_000001.ply").write_bytes(mixed_polygons())
 
 
 _MODELS = [

@@ -139,5 +139,6 @@ def _coco_images(
                 "000048/rgb/000001.png",
                 where=where,
             )
-        out[number] = int(scenes[-1]), int(name.stem)
+        scene, image = (identifier(part, path, where) for part in (scenes[-1], name.stem))
+        out[number] = scene, image
     return out

@@ -52,11 +52,11 @@ def find_images(
     directory = Path(directory)
     out: dict[tuple[int, int], Path] = {}
     for scene in sorted(directory.iterdir()) if directory.is_dir() else []:
-        if not scene.name.isdigit():
+        if not scene.name.isdecimal():
             continue
         folder = next((f for f in folders if any(scene.glob(f"{f}/*"))), folders[0])
         for path in sorted(scene.glob(f"{folder}/*")):
-            if path.stem.isdigit() and path.suffix.lower() in ENDINGS:
+            if path.stem.isdecimal() and path.suffix.lower() in ENDINGS:
                 key = int(scene.name), int(path.stem)
                 if key in out:
                     raise InputError(
@@ -108,7 +108,8 @@ def read_image(
                 f"has {image.width} x {image.height} pixels{turned if orientation != 1 else ''}, "
                 f"but should have {size[0]} x {size[1]}",
             )
-        return np.array(image.convert("RGB"))
+        pixels = np.array(image)
+        return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
 
 
 def read_image_size(path: str | PathLike[str]) -> tuple[int, int]:
@@ -136,8 +137,11 @@ def _opened(path: str | PathLike[str]) -> Iterator[Image.Image]:
     from PIL import Image, UnidentifiedImageError
 
     try:
-        with _open(path) as image:
-            yield image
+        with warnings.catch_warnings():
+            # Of large images; those twice as large are refused.
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(io.BytesIO(read_bytes(path))) as image:
+                yield image
     except Image.DecompressionBombError as error:
         raise FormatError(path, f"is too large an image ({error})") from error
     except UnidentifiedImageError as error:
@@ -145,12 +149,3 @@ def _opened(path: str | PathLike[str]) -> Iterator[Image.Image]:
     except (OSError, SyntaxError, ValueError, TypeError, KeyError) as error:  # Pillow's decoders
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error
         raise FormatError(path, f"cannot be read ({reason})") from error
-
-
-def _open(path: str | PathLike[str]) -> Image.Image:
-    """Open an image without Pillow's warning of large ones; those twice as large are refused."""
-    from PIL import Image
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-        return Image.open(io.BytesIO(read_bytes(path)))

@@ -49,7 +49,7 @@ def read_object_transforms(
     if not isinstance(content, dict):
         raise FormatError(path, "should hold a 4x4 matrix, or an object's number to its matrix")
     unit = content.get("unit", "mm")
-    if unit not in METRES:
+    if not isinstance(unit, str) or unit not in METRES:
         raise FormatError(path, f"{unit!r} is none of {', '.join(METRES)}", where="unit")
     entries = {key: value for key, value in content.items() if key not in ("unit", "obj_id")}
     if set(entries) == {"transform"}:

@@ -93,7 +93,7 @@ class Stated:
             return self.objects[""]
         match = _NUMBERED.fullmatch(name)
         digits = match[1] if match else name
-        if digits.isascii() and digits.isdecimal() and int(digits) < 2**31:
+        if digits.isascii() and digits.isdecimal() and len(digits) < 10:
             return int(digits)
         listed = ", ".join(map(repr, sorted(set(names) - {""})[:10]))
         raise FormatError(
