@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,6 +51,13 @@ def test_files_of_several_images_are_put_together(tmp_path: Path) -> None:
         convert_poses(paths, stated=Stated(1, 7))
     found = convert_poses(paths[:1], stated=Stated(1, 7))
     assert found.remarks == (f"{paths[0]}: has no scores; they become 0",)
+
+
+@pytest.mark.ill_typed
+def test_one_path_is_no_list_of_paths(tmp_path: Path) -> None:
+    wrong: Any = str(tmp_path)
+    with pytest.raises(InputError, match="convert_poses: paths should be a list of"):
+        convert_poses(wrong)
 
 
 def test_poses_are_held_against_the_dataset(tmp_path: Path) -> None:

@@ -180,7 +180,7 @@ def score_order(results: Results) -> Int[ndarray, " n"]:
     return np.lexsort((*rotation.T[::-1], y, x, z, -results.score))
 
 
-@checked(path=PATH)
+@checked(path=PATH, stated=a(Stated))
 def read_results(
     path: str | PathLike[str],
     *,

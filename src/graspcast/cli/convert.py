@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text
-from graspcast.cli.options import Verbs, add_out, count, new_verb
+from graspcast.cli.options import Verbs, add_out, count, maybe_named, new_verb
 from graspcast.errors import InputError
 from graspcast.io.wording import counted
 
@@ -72,7 +72,10 @@ def add(verbs: Verbs) -> None:
         "numbers in millimetres, row by row, or a JSON file",
     )
     verb.add_argument(
-        "--bop", metavar="DIR", type=Path, help="BOP directory whose models the poses must suit"
+        "--bop",
+        metavar="DIR",
+        type=maybe_named,
+        help="BOP directory whose models the poses must suit; NAME=DIR if it is called otherwise",
     )
     verb.add_argument(
         "--lenient", action="store_true", help="skip bad rows and unknown objects, and count them"
@@ -101,7 +104,7 @@ def _convert(options: argparse.Namespace) -> None:
     from graspcast.estimates.conversion import convert_poses
 
     _refuse_overwriting(options)
-    dataset = BopDataset(options.bop) if options.bop else None
+    dataset = BopDataset(options.bop[1], name=options.bop[0]) if options.bop else None
     results = convert_poses(
         options.inputs,
         stated=Stated(

@@ -17,10 +17,12 @@ from graspcast.bop.results import Results, read_results
 from graspcast.errors import InputError
 from graspcast.estimates.parts import put_together
 from graspcast.estimates.selection import known_objects, listed
+from graspcast.io.arguments import PATH, a, checked, sequence
 
 __all__ = ["applied", "convert_poses"]
 
 
+@checked(paths=sequence(PATH), stated=a(Stated), dataset=a(BopDataset))
 def convert_poses(
     paths: Sequence[str | PathLike[str]],
     *,
