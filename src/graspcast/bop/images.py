@@ -16,7 +16,7 @@ from jaxtyping import UInt8
 from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError
-from graspcast.io.reading import read_bytes
+from graspcast.io.reading import check_regular, read_bytes
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -120,7 +120,7 @@ def read_image_size(path: str | PathLike[str]) -> tuple[int, int]:
     FormatError
         If it cannot be read.
     """
-    with _opened(path) as image:
+    with _opened(path, whole=False) as image:
         width, height = image.size
         return (height, width) if _orientation(image) in _TURNED else (width, height)
 
@@ -132,15 +132,16 @@ def _orientation(image: Image.Image) -> int:
 
 
 @contextmanager
-def _opened(path: str | PathLike[str]) -> Iterator[Image.Image]:
-    """Open an image; what Pillow raises in the block becomes a FormatError."""
+def _opened(path: str | PathLike[str], *, whole: bool = True) -> Iterator[Image.Image]:
+    """Open an image, its head alone or whole; Pillow's errors in the block become FormatErrors."""
     from PIL import Image, UnidentifiedImageError
 
     try:
         with warnings.catch_warnings():
             # Of large images; those twice as large are refused.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(io.BytesIO(read_bytes(path))) as image:
+            check_regular(path)
+            with Image.open(io.BytesIO(read_bytes(path)) if whole else path) as image:
                 yield image
     except Image.DecompressionBombError as error:
         raise FormatError(path, f"is too large an image ({error})") from error

@@ -175,7 +175,7 @@ def _errors_of(options: argparse.Namespace) -> tuple[PoseErrors | None, dict[str
 
     files = with_built_in(options)
     inputs = load_inputs(
-        files.estimates, bop=files.bop, ground_truth=files.ground_truth, sensor=files.sensor
+        files.estimates, bop=files.bop, ground_truth=files.ground_truth, sensor=options.sensor
     )
     note(*inputs.notes, *inputs.lengths)
     dirs = {name: dataset.root for name, dataset in inputs.datasets.items()}
