@@ -39,10 +39,12 @@ from graspcast._version import __version__
 if TYPE_CHECKING:
     from graspcast.bop.dataset import BopDataset
     from graspcast.bop.detections import read_detections
+    from graspcast.bop.pose_rows import Stated
     from graspcast.bop.results import Results, read_results, write_results
     from graspcast.demo_data import demo_dataset
     from graspcast.errors import GraspcastError
     from graspcast.estimates.alignment import Estimates, align
+    from graspcast.estimates.conversion import convert_poses
     from graspcast.estimates.error_tables import measure
     from graspcast.estimates.instances import InstanceKey
     from graspcast.estimates.loading import load_inputs
@@ -96,6 +98,7 @@ if TYPE_CHECKING:
 _HOME = {
     "bop.dataset": ("BopDataset",),
     "bop.detections": ("read_detections",),
+    "bop.pose_rows": ("Stated",),
     "bop.results": (
         "Results",
         "read_results",
@@ -107,6 +110,7 @@ _HOME = {
         "Estimates",
         "align",
     ),
+    "estimates.conversion": ("convert_poses",),
     "estimates.error_tables": ("measure",),
     "estimates.instances": ("InstanceKey",),
     "estimates.loading": ("load_inputs",),

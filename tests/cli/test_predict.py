@@ -265,6 +265,28 @@ def test_objects_not_in_training_stop_no_verdict_on_the_others(
             assert row["reason"] == "the model was not trained for made-2"
 
 
+def test_objects_without_a_model_stop_no_verdict_on_the_others(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    paths = sorted(trained.glob("?_made-test.csv"))
+    texts = [path.read_text() for path in paths]
+    assert main(forests.predict(trained, tmp_path)) == 0
+    before = forests.verdicts(tmp_path)
+    try:
+        for path, text in zip(paths, texts, strict=True):
+            row = next(line for line in text.splitlines()[1:] if line.split(",")[2] == "1")
+            scene, image, _, rest = row.split(",", 3)
+            path.write_text(f"{text}{scene},{image},9,{rest}\n")
+        assert main(forests.predict(trained, tmp_path)) == 0
+        assert "dropped 1 rows (object without a model: 9)" in capsys.readouterr().err
+        assert forests.verdicts(tmp_path) == before
+        options = [*forests.train(trained, "nine.npz"), "--outcomes", str(trained / "first.csv")]
+        assert main(options) == 0
+    finally:
+        for path, text in zip(paths, texts, strict=True):
+            path.write_text(text)
+
+
 def test_a_model_of_few_outcomes_of_one_scene_warns_when_trained_and_when_used(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
@@ -14,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 from numpy import ndarray
 
+from graspcast.bop.ply_polygons import with_triangles
 from graspcast.bop.units import metres, millimetres
 from graspcast.errors import FormatError
 from graspcast.io.files import atomic_write
@@ -45,6 +47,18 @@ class Mesh:
     def points(self) -> Float[ndarray, "v 3"]:
         """The vertices, all x, then all y and z in memory, as compiled loops want them."""
         return np.asfortranarray(self.vertices)
+
+    @property
+    def stray(self) -> int:
+        """The number of vertices that no face uses; none for a point cloud."""
+        return len(self.vertices) - len(np.unique(self.faces)) if len(self.faces) else 0
+
+    def without_stray(self) -> Mesh:
+        """Return the mesh without vertices that no face uses; a point cloud as it is."""
+        if not self.stray:
+            return self
+        used, faces = np.unique(self.faces, return_inverse=True)
+        return Mesh(self.vertices[used], faces.reshape(-1, 3).astype(np.int64))
 
     def __repr__(self) -> str:
         return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} faces)"
@@ -167,10 +181,18 @@ def write_mesh(
 def _load(path: Path, kind: str = "ply", **options: Any) -> Any:
     import trimesh
 
+    def load(content: bytes) -> Any:
+        return trimesh.load(io.BytesIO(content), file_type=kind, process=False, **options)
+
     content = read_bytes(path)
     try:
-        return trimesh.load(io.BytesIO(content), file_type=kind, process=False, **options)
+        return load(content)
     except Exception as error:  # trimesh raises many types
+        # It reads polygons in binary files if all have the same number of corners.
+        triangles = with_triangles(content)
+        with suppress(Exception):
+            if triangles is not None:
+                return load(triangles)
         raise FormatError(path, f"is not a {kind.upper()} mesh ({error})") from error
 
 

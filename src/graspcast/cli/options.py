@@ -29,6 +29,7 @@ __all__ = [
     "add_ood_alpha",
     "add_out",
     "add_outcomes",
+    "add_sensor",
     "add_tables",
     "bop_dirs_of",
     "check_outputs",
@@ -84,13 +85,13 @@ def add_estimates(verb: argparse.ArgumentParser, *, required: bool, built_in: bo
         action="append",
         default=[],
         required=required,
-        help="an estimator's BOP results CSV; once for each estimator (and dataset)"
+        help="an estimator's BOP results CSV; several of one estimator are put together"
         + ("; built-in: those of the built-in estimators on the shipped tables" * built_in),
     )
 
 
 def add_bop(verb: argparse.ArgumentParser) -> None:
-    """``--bop``, ``--ground-truth``."""
+    """``--bop``, ``--ground-truth``, ``--sensor``."""
     verb.add_argument(
         "--bop",
         metavar="DIR",
@@ -105,7 +106,19 @@ def add_bop(verb: argparse.ArgumentParser) -> None:
         type=Path,
         action="append",
         default=[],
-        help="scene folders with scene_gt.json, if not in test/ of the BOP directory",
+        help="scene folders with scene_gt.json, if not in the split of the BOP directory that the "
+        "estimates are of (test/)",
+    )
+    add_sensor(verb)
+
+
+def add_sensor(verb: argparse.ArgumentParser) -> None:
+    """``--sensor``."""
+    verb.add_argument(
+        "--sensor",
+        metavar="NAME",
+        help="which camera's, where a BOP directory holds the images of several (cam1: "
+        "scene_gt_cam1.json, rgb_cam1)",
     )
 
 
@@ -127,7 +140,9 @@ def add_inputs(
     )
 
 
-def inputs_of(options: argparse.Namespace, *, every_object: bool = False) -> Inputs:
+def inputs_of(
+    options: argparse.Namespace, *, every_object: bool = False, without_models: bool = False
+) -> Inputs:
     """Load what the options of :func:`add_inputs` name."""
     from graspcast.estimates.loading import load_inputs
 
@@ -144,6 +159,8 @@ def inputs_of(options: argparse.Namespace, *, every_object: bool = False) -> Inp
         objects=[] if every_object else options.objects,
         scenes=sorted(set().union(*options.scenes)),
         lenient=options.lenient,
+        sensor=options.sensor,
+        without_models=without_models,
     )
 
 
@@ -160,6 +177,8 @@ def add_images(verb: argparse.ArgumentParser) -> None:
 def inputs_with_images(options: argparse.Namespace, *, used: bool = True) -> Inputs:
     """Load what :func:`inputs_of` does, with image fit where ``--images`` asks for it.
 
+    Objects without a model are left out, with a note: they stop nobody else's verdicts.
+
     Parameters
     ----------
     options
@@ -171,7 +190,7 @@ def inputs_with_images(options: argparse.Namespace, *, used: bool = True) -> Inp
 
     from graspcast.cli.console import progress_bar
 
-    inputs = inputs_of(options)
+    inputs = inputs_of(options, without_models=True)
     if not options.images:
         return inputs
     if not used:
@@ -354,9 +373,10 @@ def check_outputs(options: argparse.Namespace) -> None:
     for name, value in vars(options).items():
         for path in _paths(value) if name not in outputs else ():
             if path.resolve() in written and path.is_file():
-                option = name.replace("_", "-")
+                option = f"--{name.replace('_', '-')}"
+                option = getattr(options, "positional", {}).get(name, option)
                 raise InputError(
-                    f"{path}: is read (--{option}) and would be replaced "
+                    f"{path}: is read ({option}) and would be replaced "
                     f"(--{written[path.resolve()]}); write to another file"
                 )
     for name in written.values():

@@ -174,7 +174,9 @@ def _errors_of(options: argparse.Namespace) -> tuple[PoseErrors | None, dict[str
     from graspcast.simulation.campaign.pose_errors import PoseErrors
 
     files = with_built_in(options)
-    inputs = load_inputs(files.estimates, bop=files.bop, ground_truth=files.ground_truth)
+    inputs = load_inputs(
+        files.estimates, bop=files.bop, ground_truth=files.ground_truth, sensor=options.sensor
+    )
     note(*inputs.notes, *inputs.lengths)
     dirs = {name: dataset.root for name, dataset in inputs.datasets.items()}
     return PoseErrors.of_estimates(inputs.results, inputs.datasets), bop_dirs_of(options) | dirs

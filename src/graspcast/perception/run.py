@@ -17,7 +17,7 @@ from jaxtyping import Bool
 from numpy import ndarray
 
 from graspcast.bop.dataset import BopDataset
-from graspcast.bop.detections import Detections
+from graspcast.bop.detections import Detections, write_detections
 from graspcast.bop.results import Results, read_results, write_results
 from graspcast.errors import EstimatorFailedError, FormatError, InputError, UnknownNameError
 from graspcast.io.files import temporary_directory
@@ -161,7 +161,9 @@ def run_external(
     template
         The command, with ``{out}`` and, where it needs them, ``{bop}`` and ``{detections}``, filled
         in as absolute paths; see :func:`graspcast.perception.external.command_line`. If it uses
-        ``{detections}``, poses in images without detections are refused.
+        ``{detections}``, poses in images without detections are refused. These are given as they
+        are in their file, or, if it holds others too or has another form than the BOP Challenge's,
+        in a file that is written for it.
     dataset
         The dataset of the images.
     detections
@@ -189,11 +191,11 @@ def run_external(
         If its file is not a results CSV of these images and objects.
     """
     with _temporary(Path(out)) as written:
-        paths = {
-            "bop": dataset.root.resolve(),
-            "detections": Path(detections.source).resolve(),
-            "out": written,
-        }
+        boxes = Path(detections.source).resolve()
+        if not detections.in_file:
+            boxes = written.with_name("detections.json")
+            write_detections(boxes, detections)
+        paths = {"bop": dataset.root.resolve(), "detections": boxes, "out": written}
         command = command_line(template, paths)
         on_output = partial(progress, 0.0) if progress else None
         run_command(command, timeout_s=timeout_s, on_output=on_output)
