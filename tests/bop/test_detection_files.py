@@ -87,6 +87,16 @@ def test_what_is_wrong_is_named(tmp_path: Path, content: Any, says: str) -> None
         read_detections(write_json(tmp_path / "d.json", content))
 
 
+def test_bad_entries_of_every_form_may_be_skipped(tmp_path: Path) -> None:
+    by_image = {"1/3": [*GDRNPP["1/3"], {"bbox_est": [1, 2, 30, 40], "score": 1}]}
+    coco = {**COCO, "annotations": [*COCO["annotations"], {"image_id": 99, "bbox": [1, 2, 3, 4]}]}
+    for content in (by_image, coco):
+        path = write_json(tmp_path / "d.json", content)
+        with pytest.raises(FormatError):
+            read_detections(path)
+        assert read_detections(path, lenient=True).dropped == {"bad entry": 1}
+
+
 def test_shares_and_corners_are_found_in_every_form(tmp_path: Path) -> None:
     dataset = write_dataset(tmp_path / "made")
     shares = {"1/3": [{"obj_id": 1, "bbox_est": [0.1, 0.2, 0.3, 0.4], "score": 1}]}

@@ -21,11 +21,11 @@ METRES[3, 3] = 1
 @pytest.mark.parametrize(
     "content",
     [
-        MOVED,
-        np.ravel(MOVED).tolist(),
-        {"5": MOVED},
-        {"obj_id": 5, "transform": MOVED},
-        {"unit": "m", "transform": METRES.tolist()},
+        METRES.tolist(),
+        np.ravel(METRES).tolist(),
+        {"5": METRES.tolist()},
+        {"obj_id": 5, "transform": METRES.tolist()},
+        {"unit": "mm", "transform": MOVED},
         {"unit": "cm", "5": [[1, 0, 0, 1], [0, 1, 0, -2], [0, 0, 1, 0], [0, 0, 0, 1]]},
     ],
 )
@@ -35,7 +35,7 @@ def test_files_of_transforms(tmp_path: Path, content: Any) -> None:
     assert_allclose(T, METRES)
 
 
-@pytest.mark.parametrize("text", ["1 0 0 10 0 1 0 -20 0 0 1 0 0 0 0 1", str(MOVED)])
+@pytest.mark.parametrize("text", ["1 0 0 .01 0 1 0 -.02 0 0 1 0 0 0 0 1", str(METRES.tolist())])
 def test_text(text: str) -> None:
     assert_allclose(parse_object_transform(text, "text"), METRES)
 
@@ -43,7 +43,8 @@ def test_text(text: str) -> None:
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (METRES.tolist(), "its translation is 0.0224 mm, .*is it in metres .*, not in millimetres"),
+        (MOVED, "its translation is 22 m, .*is it in millimetres .*, not in metres"),
+        ({"unit": "mm", "5": METRES.tolist()}, "is it in metres .*, not in millimetres"),
         (np.transpose(MOVED).tolist(), "the last row is 10 -20 0 1, not 0 0 0 1"),
         (np.diag([1, 1, -1, 1]).tolist(), "is no rotation: it has a mirrored rotation"),
         ([1, 2, 3], "should be 16 finite numbers"),
@@ -59,5 +60,5 @@ def test_what_is_no_transform(tmp_path: Path, content: Any, says: str) -> None:
 
 
 def test_a_rotation_may_leave_a_short_translation() -> None:
-    T = parse_object_transform("0 -1 0 0.2 1 0 0 0 0 0 1 0 0 0 0 1", "text")
+    T = parse_object_transform("0 -1 0 0.0002 1 0 0 0 0 0 1 0 0 0 0 1", "text")
     assert_allclose(T[:3, 3], [0.0002, 0, 0])

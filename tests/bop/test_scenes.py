@@ -58,6 +58,14 @@ def test_of_several_cameras_one_is_named(tmp_path: Path) -> None:
         read_scene_camera_poses(scenes, "cam1")
 
 
+def test_another_split_is_named(tmp_path: Path) -> None:
+    made = write_dataset(tmp_path / "made")
+    name_sensor(made.scenes, "cam1")
+    made.scenes.rename(made.root / "val")
+    with pytest.raises(InputError, match=r"made/test: no such directory.*there is .*made/val; giv"):
+        BopDataset(made.root, sensor="cam1").ground_truth  # noqa: B018
+
+
 def test_grey_images_are_read_where_there_are_no_others(tmp_path: Path) -> None:
     dataset = write_dataset(tmp_path, ".tif")
     assert dataset.image(1, 3).shape == (64, 96, 3)

@@ -14,7 +14,7 @@ from pose_files import megapose_entries, sam6d_entries, write_json, write_matric
 from poses import random_poses, results_of
 
 RESULTS = results_of(random_poses(3), obj_id=5, scene_id=2)
-MOVE = "1 0 0 10 0 1 0 -20 0 0 1 0 0 0 0 1"
+MOVE = "1 0 0 0.01 0 1 0 -0.02 0 0 1 0 0 0 0 1"
 
 
 def run(*arguments: str | Path) -> int:
@@ -55,7 +55,7 @@ def test_transforms(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out.unlink()
     for wrong, says in (
         ([f"6={MOVE}"], "a transform for object 6, but a.csv has poses of 5 (see --apply)"),
-        ([MOVE.replace("10", "0.01").replace("-20", "0")], "is it in metres (10 mm)"),
+        ([MOVE.replace("0.01", "10").replace("-0.02", "0")], "is it in millimetres (10 mm)"),
         (["1 2 3"], "should be 16 finite numbers"),
         ([MOVE, MOVE], "there are two transforms for all objects"),
         (["none.json"], "none.json: cannot be read"),

@@ -65,6 +65,11 @@ def test_poses_are_held_against_the_dataset(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     write_results(path, estimates_of(made))
     assert len(convert_poses([path], dataset=made)) == 6
+    assert len(convert_poses([path], dataset=made, transforms={5: TURNED})) == 6
+    far = np.eye(4)
+    far[0, 3] = 0.3
+    with pytest.raises(InputError, match=r"moves object 5, which is 123 mm across, by 300 mm; is"):
+        convert_poses([path], dataset=made, transforms={5: far})
     write_results(path, results_of(random_poses(3), obj_id=9))
     with pytest.raises(FormatError, match=r"object 9 is not in .*which has 1, 5"):
         convert_poses([path], dataset=made)

@@ -26,7 +26,8 @@ class DetectionFile:
     Attributes
     ----------
     entries
-        As in the BOP Challenge: ``{scene_id, image_id, category_id, score, bbox}``.
+        As in the BOP Challenge: ``{scene_id, image_id, category_id, score, bbox}``; or the
+        FormatError that says what one misses in the form of the file.
     places
         Where each of them is in the file, for messages.
     is_bop
@@ -78,7 +79,11 @@ def _by_image(content: Mapping[str, Any], path: str | PathLike[str]) -> Detectio
             if not isinstance(box, dict):
                 entries.append(box)
                 continue
-            entries.append({"scene_id": scene, "image_id": image, **_renamed(box, path, where)})
+            try:
+                named = _renamed(box, path, where)
+                entries.append({"scene_id": scene, "image_id": image, **named})
+            except FormatError as error:
+                entries.append(error)
     return DetectionFile(entries, places, False)
 
 
@@ -104,14 +109,22 @@ def _of_coco(content: Mapping[str, Any], path: str | PathLike[str]) -> Detection
     entries: list[Any] = []
     for i, entry in enumerate(annotations):
         where = f"annotation {i}"
-        if isinstance(entry, dict):
-            number = identifier(require(entry, "image_id", path, where), path, where)
-            if number not in images:
-                raise FormatError(path, f"image_id {number} is not among its images", where=where)
-            scene, image = images[number]
-            entry = {"score": 1.0, **entry, "scene_id": scene, "image_id": image}
-        entries.append(entry)
+        try:
+            entries.append(_annotation(entry, images, path, where))
+        except FormatError as error:
+            entries.append(error)
     return DetectionFile(entries, [f"annotation {i}" for i in range(len(entries))], False)
+
+
+def _annotation(
+    entry: Any, images: Mapping[int, tuple[int, int]], path: str | PathLike[str], where: str
+) -> dict[str, Any]:
+    """Return an annotation with its scene and image, and a score."""
+    number = identifier(require(entry, "image_id", path, where), path, where)
+    if number not in images:
+        raise FormatError(path, f"image_id {number} is not among its images", where=where)
+    scene, image = images[number]
+    return {"score": 1.0, **entry, "scene_id": scene, "image_id": image}
 
 
 def _coco_images(

@@ -127,6 +127,8 @@ def read_detections(
     dropped: Counter[str] = Counter()
     for entry, where in zip(file.entries, file.places, strict=True):
         try:
+            if isinstance(entry, FormatError):
+                raise entry
             row = _parse(entry, path, where)
             checks.box(row, path, where)
         except FormatError:

@@ -1,4 +1,4 @@
-"""Transforms of objects' frames: 4x4 matrices in millimetres, as text or in JSON files."""
+"""Transforms of objects' frames: 4x4 matrices, in metres, as text or in JSON files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from graspcast.pose.transforms import rotation_angle, transform
 
 __all__ = ["is_file", "parse_object_transform", "read_object_transforms"]
 
-_MOVED = Reference("a model's origin is moved by 0.5 mm to 1 m", 0.0005, 1.0)
+_MOVED = Reference("a model's origin is moved by 0.5 mm to 0.5 m", 0.0005, 0.5)
 _TURNED = np.radians(0.5)
 _LAST_ROW = (0.0, 0.0, 0.0, 1.0)
 
@@ -31,7 +31,7 @@ def read_object_transforms(
     """Read transforms from a JSON file.
 
     It holds a 4x4 matrix, ``[[…], …]``, for all objects; or an object's number to its matrix,
-    ``{"5": [[…], …]}``. Lengths are in millimetres, unless ``{"unit": "m", …}`` says otherwise; a
+    ``{"5": [[…], …]}``. Lengths are in metres, unless ``{"unit": "mm", …}`` says otherwise; a
     single matrix beside a unit is called ``"transform"``.
 
     Returns
@@ -48,7 +48,7 @@ def read_object_transforms(
         return {None: parse_object_transform(content, str(path))}
     if not isinstance(content, dict):
         raise FormatError(path, "should hold a 4x4 matrix, or an object's number to its matrix")
-    unit = content.get("unit", "mm")
+    unit = content.get("unit", "m")
     if not isinstance(unit, str) or unit not in METRES:
         raise FormatError(path, f"{unit!r} is none of {', '.join(METRES)}", where="unit")
     entries = {key: value for key, value in content.items() if key not in ("unit", "obj_id")}
@@ -65,7 +65,7 @@ def read_object_transforms(
 
 
 def parse_object_transform(
-    value: Any, source: str | PathLike[str], where: str | None = None, *, unit: str = "mm"
+    value: Any, source: str | PathLike[str], where: str | None = None, *, unit: str = "m"
 ) -> Float[ndarray, "4 4"]:
     """Return a transform, in metres, from 16 numbers row by row: a list, or text.
 

@@ -102,7 +102,7 @@ class Scenes:
         """
         directory, file = self.directory, self.file(kind)
         if not directory.is_dir():
-            others = [p for p in sorted(directory.parent.glob("*")) if any(p.glob(f"*/{file}"))]
+            others = [p for p in sorted(directory.parent.glob("*")) if sensors_in(p)]
             there = ", ".join(map(str, others))
             raise InputError(
                 f"{directory}: no such directory; it should hold scene folders (000001 …)"

@@ -69,7 +69,7 @@ def add(verbs: Verbs) -> None:
         action="append",
         default=[],
         help="apply a transform on the object's side, cam_T_obj · T, to all poses of object N: 16 "
-        "numbers in millimetres, row by row, or a JSON file",
+        "numbers, row by row, the translation in metres, or a JSON file",
     )
     verb.add_argument(
         "--bop",

@@ -18,8 +18,12 @@ from graspcast.errors import InputError
 from graspcast.estimates.parts import put_together
 from graspcast.estimates.selection import known_objects, listed
 from graspcast.io.arguments import PATH, a, checked, sequence
+from graspcast.pose.lengths import shown
 
 __all__ = ["applied", "convert_poses"]
+
+_MOST_DIAMETERS = 2.0
+"""How far another origin of a model may be from the usual one."""
 
 
 @checked(paths=sequence(PATH), stated=a(Stated), dataset=a(BopDataset))
@@ -62,9 +66,28 @@ def convert_poses(
         raise InputError(f"{results.source}: holds no pose{f': {dropped}' if dropped else ''}")
     if dataset is not None:
         results = known_objects(results, dataset, lenient=lenient)
+        _check_offsets(transforms or {}, dataset, results.obj_id.tolist())
         dataset.models.check_a_mesh()
         dataset.models.check_distances(results.source, results.obj_id, results.cam_T_obj)
     return results
+
+
+def _check_offsets(
+    transforms: Mapping[int | None, Float[ndarray, "4 4"]],
+    dataset: BopDataset,
+    numbers: Sequence[int],
+) -> None:
+    """Raise if a transform moves an object by more than a frame can be off, in another unit."""
+    for number, T in transforms.items():
+        of = numbers[0] if number is None else number
+        moved = float(np.linalg.norm(T[:3, 3]))
+        across = dataset.models[of].diameter_m
+        if moved > _MOST_DIAMETERS * across:
+            raise InputError(
+                f"the transform moves object {of}, which is {shown(across)} across, by "
+                f"{shown(moved)}; is its translation in metres?",
+                parameters=("apply",),
+            )
 
 
 def applied(results: Results, transforms: Mapping[int | None, Float[ndarray, "4 4"]]) -> Results:
@@ -108,7 +131,7 @@ def applied(results: Results, transforms: Mapping[int | None, Float[ndarray, "4 
         first = int(np.flatnonzero(behind)[0])
         raise InputError(
             f"the transform moves object {results.obj_id[first]} behind the camera, in image "
-            f"{results.scene_id[first]}/{results.im_id[first]}; is its translation in millimetres?",
+            f"{results.scene_id[first]}/{results.im_id[first]}; is its translation in metres?",
             parameters=("apply",),
         )
     return replace(results, cam_T_obj=poses)
