@@ -13,7 +13,8 @@ from graspcast.bop.models import Models
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import Instances
 from graspcast.evaluation.benchmark import Benchmark
-from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+from graspcast.forecasting.simulated_trials import SimulatedTrials
+from graspcast.forecasting.training_data import TrainingData
 from poses import nudged, random_poses
 
 

@@ -61,8 +61,9 @@ if TYPE_CHECKING:
     from graspcast.forecasting.forecaster import Forecaster
     from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.forecasting.recorded_verdicts import ViewSettings
+    from graspcast.forecasting.simulated_trials import SimulatedTrials
     from graspcast.forecasting.train import train_forecaster
-    from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+    from graspcast.forecasting.training_data import TrainingData
     from graspcast.forecasting.verdict import Verdict, VerdictRow
     from graspcast.forecasting.verdict_file import read_verdicts, write_verdicts
     from graspcast.guarantees.certificate import Certificate

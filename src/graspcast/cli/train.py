@@ -234,7 +234,8 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
     from graspcast.errors import InputError
     from graspcast.estimates.loading import load_outcomes
     from graspcast.forecasting.learned_loading import load_learned
-    from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+    from graspcast.forecasting.simulated_trials import SimulatedTrials
+    from graspcast.forecasting.training_data import TrainingData
     from graspcast.forecasting.view_data import fuse_for_training
 
     if not (options.outcomes or options.simulated):

@@ -19,7 +19,8 @@ from graspcast.estimates.image_split import frames_of, split_of
 from graspcast.estimates.instances import scene_groups
 from graspcast.estimates.matching import true_poses
 from graspcast.evaluation.view_sets import BenchmarkViews
-from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+from graspcast.forecasting.simulated_trials import SimulatedTrials
+from graspcast.forecasting.training_data import TrainingData
 from graspcast.io.hashing import sha256
 from graspcast.paper.dataset import Published
 

@@ -17,6 +17,7 @@ from graspcast.estimates.checks import diameters
 from graspcast.estimates.instances import split_object_name, unit_names
 from graspcast.forecasting.features import FeatureSet, features_of
 from graspcast.forecasting.forecaster import Forecaster
+from graspcast.forecasting.grasp_counts import grasp_counts
 from graspcast.forecasting.model_card import ONE_VIEW_FEATURES, ModelCard, digest_of
 from graspcast.forecasting.model_file import KINDS
 from graspcast.forecasting.models.add_threshold import Thresholds
@@ -24,6 +25,7 @@ from graspcast.forecasting.models.base import Predictor
 from graspcast.forecasting.models.blend import Blend, ForestSettings, visibility_of
 from graspcast.forecasting.models.growing import grow_blends
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble, NetworkSettings
+from graspcast.forecasting.models.targets import Targets
 from graspcast.forecasting.models.visibility import Visibility
 from graspcast.forecasting.novelty import OOD_ALPHA, Novelty
 from graspcast.forecasting.one_estimator import (
@@ -199,7 +201,7 @@ def _fit_alone(
     progress: Progress | None,
 ) -> Forecaster:
     """Fit the forecaster of one estimator's single view."""
-    fitted = fit_alone(scope.data, scope.objects, settings, progress=progress)
+    fitted = fit_alone(scope.data, scope.targets, settings, progress=progress)
     card = _card(scope, ALONE, ONE_VIEW_FEATURES, visibility_settings(settings), models)
     return _assembled(scope.data, card, fitted, features_of_one(scope.data.estimates).values)
 
@@ -217,7 +219,7 @@ def _fit_forests(
     names = _guides(data, guides)
     alone = method != "two-stage" and learns_alone(data)
     share = step_of(progress, 0, 2) if alone else progress
-    blends = grow_blends(data, names, scope.objects, models, settings, progress=share)
+    blends = grow_blends(data, names, scope.targets, models, settings, progress=share)
     each = []
     for name in names:
         mine, blend = replace(scope, data=replace(data, principal=name)), blends[name]
@@ -227,7 +229,7 @@ def _fit_forests(
             values = features_of(data.estimates, name, "full", models).values
         elif alone:
             share = step_of(progress, 1, 2)
-            blend = with_alone(blend, fit_alone(data, scope.objects, settings, progress=share))
+            blend = with_alone(blend, fit_alone(data, scope.targets, settings, progress=share))
             values = features_of_one(data.estimates).values
         each.append(_assembled(mine.data, card, blend, values))
     return replace(each[0], others=tuple(each[1:]))
@@ -239,7 +241,8 @@ def _guides(data: TrainingData, wanted: Sequence[str] | None) -> list[str]:
         for name in wanted:
             data.estimates.index(name)
     out = [data.principal]
-    for name, success in zip(data.estimates.estimators, data.success, strict=True):
+    each = data.every_success.swapaxes(0, 1)
+    for name, success in zip(data.estimates.estimators, each, strict=True):
         tried, held = int((~np.isnan(success)).sum()), int((success == 1).sum())
         enough = tried >= _LEAST and 0 < held < tried
         if name not in out and (enough if wanted is None else name in wanted):
@@ -266,7 +269,7 @@ def _limitations(
 ) -> tuple[str, ...]:
     """Say what the training data are too few for."""
     out = []
-    outcomes, count = int(data.is_tried.sum()), len(data)
+    outcomes, count = int((~np.isnan(data.own_outcomes)).sum()), len(data)
     scenes = len(set(unit_names(data.estimates.instances, "scene").tolist()))
     if 0 < outcomes < _FEW:
         out.append(
@@ -311,10 +314,12 @@ def _card(
     scope: _Scope, method: str, features: str, settings: Any, models: Mapping[str, Models]
 ) -> ModelCard:
     data = scope.data
-    own = data.own_success[data.is_tried]
+    own = data.own_outcomes
+    own = own[~np.isnan(own)]
     seen = () if data.views is None else (data.views.statistics, data.views.cam_T_fused)
     if features == ONE_VIEW_FEATURES:
         seen = (*seen, *data.estimates.seen.values())
+    seen = (*seen, *(part for name, held in data.others.items() for part in (name, held)))
     if (learned := data.learned) is not None:
         errors = () if learned.obj_T_est is None else (learned.obj_T_est,)
         seen = (*seen, learned.cam_T_obj, learned.success, *errors)
@@ -322,7 +327,7 @@ def _card(
         principal=data.principal,
         supporters=data.estimates.supporters(data.principal),
         gripper=data.gripper,
-        objects=scope.objects,
+        objects=scope.targets.objects,
         method=method,
         features=features,
         settings={} if settings is None else asdict(settings),
@@ -332,9 +337,10 @@ def _card(
         versions=versions(),
         simulated=scope.simulated,
         scenes=tuple(sorted(set(unit_names(data.estimates.instances, "scene").tolist()))),
-        diameters_m=_diameters(scope.objects, models),
+        diameters_m=_diameters(scope.targets.objects, models),
         views={} if data.views is None else dict(data.views.rules),
         learned_from={} if learned is None else learned.counts(data.truth),
+        grasps=grasp_counts(data, scope.targets) if scope.targets.has_several else {},
     )
 
 
@@ -346,14 +352,14 @@ class _Scope:
     ----------
     data
         All instances, or for methods that use the principal's outcomes alone, the tried ones.
-    objects
-        Names of the objects that can be forecast, sorted.
+    targets
+        The objects that can be forecast, and their grasps.
     simulated
-        Those of them that have simulated trials alone.
+        Those of the objects that have simulated trials alone.
     """
 
     data: TrainingData
-    objects: tuple[str, ...]
+    targets: Targets
     simulated: tuple[str, ...] = ()
 
 
@@ -374,11 +380,12 @@ def _scope(data: TrainingData, method: str) -> _Scope:
             "instance has a known true pose",
             parameters=("ground_truth", "bop", "method", "simulated"),
         )
-    simulated: set[str] = set()
+    simulated: set[tuple[str, str]] = set()
     if from_forests and data.simulated is not None:
-        simulated = set(data.simulated.objects.tolist())
+        simulated = data.simulated.pairs
     is_tried = data.is_tried
-    tried, successes = int(is_tried.sum()), int((data.own_success == 1).sum())
+    own = data.own_outcomes
+    tried, successes = int((~np.isnan(own)).sum()), int((own == 1).sum())
     if not simulated and (tried < _LEAST or successes in (0, tried)):
         raise InputError(
             f"{tried} outcomes of {data.principal} with {successes} successes are too few to learn "
@@ -386,12 +393,23 @@ def _scope(data: TrainingData, method: str) -> _Scope:
             parameters=("outcomes",),
         )
     if not from_forests:
+        data.refuse_several(
+            f"the method {method} forecasts the reference grasp of each object alone; blend "
+            "forecasts several",
+            "method",
+            "outcomes",
+        )
         data = data.select(is_tried)
-        return _Scope(data, tuple(sorted(set(data.objects.tolist()))))
-    with_outcomes = ~np.isnan(data.success).all(axis=0)
+        return _Scope(data, Targets.of_objects(sorted(set(data.objects.tolist()))))
+    with_outcomes = ~np.isnan(data.every_success).all(axis=1)
     if method == "two-stage":
         with_outcomes &= data.has_truth
     if data.learned is not None:
         with_outcomes |= data.learned.usable(data.truth).any(axis=0)
-    known = set(data.objects[with_outcomes].tolist())
-    return _Scope(data, tuple(sorted(known | simulated)), tuple(sorted(simulated - known)))
+    known = {
+        (name, grasp)
+        for grasp, tried_so in zip(data.grasps, with_outcomes, strict=True)
+        for name in data.objects[tried_so].tolist()
+    }
+    untried = {name for name, _ in simulated} - {name for name, _ in known}
+    return _Scope(data, Targets.of(known | simulated), tuple(sorted(untried)))

@@ -17,7 +17,8 @@ from graspcast.forecasting.features import features_of
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.blend import Blend, ForestSettings
 from graspcast.forecasting.train import train_forecaster
-from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+from graspcast.forecasting.simulated_trials import SimulatedTrials
+from graspcast.forecasting.training_data import TrainingData
 from poses import write_models
 
 QUICK = ForestSettings(trees=24, draws=32, folds=3)

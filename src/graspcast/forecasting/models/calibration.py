@@ -12,7 +12,11 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-__all__ = ["calibrated", "expit", "fit_calibration", "logit"]
+__all__ = ["IDENTITY", "calibrated", "expit", "fit_calibration", "logit"]
+
+
+IDENTITY = np.array([1.0, 0.0])
+"""Slope and intercept that change nothing."""
 
 
 def logit(p: ndarray) -> ndarray:

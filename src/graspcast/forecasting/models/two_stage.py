@@ -5,8 +5,8 @@ together. Given how the supporters disagree, it predicts the distribution of the
 principal's ray frame. Each leaf holds training instances, and those in the leaves that a new
 instance reaches are draws from a nonparametric distribution (a quantile regression forest with a
 6-D response). Stage two, **success given error**, is a forest that is fitted on outcomes or
-simulated trials: from the pose error in the object's frame, and the object, to success, whichever
-estimator made the error. The forecast is the mean of stage two over draws from stage one.
+simulated trials: from the pose error in the object's frame, the object and its grasp, to success,
+whichever estimator made the error. The forecast is the mean of stage two over draws from stage one.
 
 References
 ----------
@@ -141,19 +141,19 @@ def _places(count: int) -> Float[ndarray, " count"]:
 
 @dataclass(frozen=True, eq=False)
 class SuccessGivenError:
-    """Probability of success given the pose error and the object.
+    """Probability of success given the pose error, the object and the grasp.
 
     Attributes
     ----------
     forest
         Its inputs are the error's translation (m), rotation vector (rad), their lengths, and the
-        object's one-hot vector.
-    objects
-        Number of objects.
+        target's code.
+    codes
+        Code of each target (:meth:`graspcast.forecasting.models.targets.Targets.codes`), (T, C).
     """
 
     forest: Forest
-    objects: int
+    codes: Float[ndarray, "t c"]
 
     @classmethod
     def fit(
@@ -162,25 +162,25 @@ class SuccessGivenError:
         numbers: Int[ndarray, " m"],
         success: Bool[ndarray, " m"],
         *,
-        objects: int,
+        codes: Float[ndarray, "t c"],
         trees: int,
         seed: int,
     ) -> SuccessGivenError:
         """Fit on trials whose pose error and outcome are known."""
         from sklearn.ensemble import ExtraTreesClassifier
 
-        rows = np.concatenate([_error_inputs(obj_T_est), np.eye(objects)[numbers]], axis=1)
+        rows = np.concatenate([_error_inputs(obj_T_est), codes[numbers]], axis=1)
         model = ExtraTreesClassifier(
             trees, min_samples_leaf=1, max_features=0.7, random_state=seed, n_jobs=-1
         ).fit(rows.astype(np.float32), success)
-        return cls(flatten(model), objects)
+        return cls(flatten(model), codes)
 
     def probability(
         self, obj_T_est: Float[ndarray, "n 4 4"], numbers: Int[ndarray, " n"]
     ) -> Float[ndarray, " n"]:
         """Forecast the probability of success of grasps guided by estimates with known errors."""
         return self.forest.mean(
-            np.concatenate([_error_inputs(obj_T_est), np.eye(self.objects)[numbers]], axis=1)
+            np.concatenate([_error_inputs(obj_T_est), self.codes[numbers]], axis=1)
         )
 
 
@@ -215,7 +215,7 @@ def expected_success(
     distance
         Distance of each from the camera, metres.
     numbers
-        Each instance's object number in the second stage.
+        The target of each in the second stage.
     est_T_guide
         The pose that guides the grasp, in the frame of the estimate around which true poses are
         drawn; None where that estimate guides.
@@ -244,7 +244,7 @@ def expected_success(
         errors.members,
         errors.truth,
         *success_given_error.forest.arrays(),
-        success_given_error.objects,
+        success_given_error.codes,
         _places(draws),
         min(trees, success_given_error.forest.trees),
         out,
@@ -320,7 +320,7 @@ def _carry(row, est_T_guide):
 def _expected(
     start, stop, rows, axes, distance, guide, guided, numbers,
     feature, threshold, right, value, roots, first, offset, members, truth,
-    s_feature, s_threshold, s_right, s_value, s_roots, objects, places, trees_a_draw, out,
+    s_feature, s_threshold, s_right, s_value, s_roots, codes, places, trees_a_draw, out,
 ):  # fmt: skip
     trees, s_trees, draws = len(roots) - 1, len(s_roots) - 1, len(places)
     stride = max(1, s_trees // trees_a_draw)
@@ -329,8 +329,8 @@ def _expected(
         for draw in range(draws):
             nodes[draw] = roots[draw % trees]
         walk_together(rows[i], nodes, feature, threshold, right)
-        inputs = np.zeros((draws, 8 + objects), dtype=np.float32)
-        inputs[:, 8 + numbers[i]] = 1.0
+        inputs = np.empty((draws, 8 + codes.shape[1]), dtype=np.float32)
+        inputs[:, 8:] = codes[numbers[i]]
         turn = np.empty((3, 3))
         for draw in range(draws):
             tree = draw % trees

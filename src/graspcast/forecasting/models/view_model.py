@@ -12,13 +12,13 @@ statistic, in units of the training instances' spread, among theirs.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from graspcast.forecasting.models.calibration import calibrated
+from graspcast.forecasting.models.calibration import IDENTITY, calibrated
 from graspcast.forecasting.models.out_of_fold import OutOfFold
 from graspcast.forecasting.models.two_stage import (
     ErrorModel,
@@ -51,6 +51,8 @@ class ViewModel:
         Novelty scores of the training instances, ascending, (m,).
     out_of_fold
         Out-of-fold predictions with the outcomes of single-view guides, or None.
+    choice
+        As of :class:`graspcast.forecasting.models.blend.Blend`.
     """
 
     errors: ErrorModel
@@ -59,6 +61,7 @@ class ViewModel:
     scale: Float[ndarray, " r"]
     scores: Float[ndarray, " m"]
     out_of_fold: OutOfFold | None = None
+    choice: Float[ndarray, "2"] = field(default_factory=IDENTITY.copy)
 
     @classmethod
     def fit(
@@ -119,7 +122,7 @@ class ViewModel:
         cam_T_guide
             The poses that guide.
         numbers
-            Object numbers of the second stage.
+            Targets of the second stage.
         draws
             Pose errors drawn for each forecast.
         """
@@ -156,6 +159,8 @@ class ViewModel:
         """Return everything learned as named arrays."""
         out = {f"{prefix}/{name}": getattr(self, name) for name in _PLAIN}
         out |= self.errors.to_arrays(f"{prefix}/errors")
+        if not np.array_equal(self.choice, IDENTITY):
+            out[f"{prefix}/choice"] = self.choice
         if self.out_of_fold is not None:
             out |= {f"{prefix}/{k}": v for k, v in self.out_of_fold.to_arrays().items()}
         return out
@@ -186,7 +191,10 @@ class ViewModel:
         }
         calibration, centre, scale, scores = plain
         kept = OutOfFold.from_arrays(below) if below else None
-        return cls(errors, calibration, centre, scale, scores, kept)
+        choice = arrays.get(f"{prefix}/choice", IDENTITY)
+        if choice.shape != (2,) or not np.isfinite(choice).all():
+            raise ValueError("the calibration of a view model is not a slope and an intercept")
+        return cls(errors, calibration, centre, scale, scores, kept, choice)
 
 
 _PLAIN = ("calibration", "centre", "scale", "scores")

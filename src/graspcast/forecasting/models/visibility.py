@@ -14,7 +14,7 @@ calibrated by out-of-fold predictions.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -22,9 +22,10 @@ from numpy import ndarray
 
 from graspcast.errors import InputError, MismatchError
 from graspcast.forecasting.features import Features
-from graspcast.forecasting.models.calibration import calibrated, fit_calibration
+from graspcast.forecasting.models.calibration import IDENTITY, calibrated, fit_calibration
 from graspcast.forecasting.models.encoding import one_hot_numbers
 from graspcast.forecasting.models.forest import Forest, flatten
+from graspcast.forecasting.models.held_out_choice import choose_held_out
 from graspcast.forecasting.models.out_of_fold import OutOfFold
 from graspcast.forecasting.splits import fold_numbers
 from graspcast.forecasting.visibility_features import POSE_COLUMNS, SCORE_COLUMN
@@ -114,11 +115,14 @@ class Visibility:
         there.
     out_of_fold
         The out-of-fold predictions, each by the part that knows most, or None without calibration.
+    choice
+        As of :class:`graspcast.forecasting.models.blend.Blend`.
     """
 
     names: tuple[str, ...]
     parts: Mapping[str, _Part]
     out_of_fold: OutOfFold | None = None
+    choice: Float[ndarray, "2"] = field(default_factory=IDENTITY.copy)
 
     @classmethod
     def fit(
@@ -130,6 +134,7 @@ class Visibility:
         images: ndarray,
         *,
         objects: int,
+        grasps: int = 1,
         settings: VisibilitySettings | None = None,
         progress: Progress | None = None,
     ) -> Visibility:
@@ -152,7 +157,10 @@ class Visibility:
         images
             Each instance's image, ``dataset/scene/image``, (n,).
         objects
-            Number of objects.
+            Number of objects; with several grasps, of targets
+            (:mod:`graspcast.forecasting.models.targets`).
+        grasps
+            Names of grasps: the rows are as many blocks of the same instances.
         settings
             Of the forests.
         progress
@@ -189,9 +197,10 @@ class Visibility:
             known = ~np.isnan(held_out)
             best[known] = part.calibrated(held_out[known])
             parts[name] = part
-        known = ~np.isnan(best)
-        out_of_fold = OutOfFold(best[known], success[known] == 1, np.asarray(images)[known])
-        return cls(features.names, parts, out_of_fold if known.any() else None)
+        found = choose_held_out(best.reshape(grasps, -1), success.reshape(grasps, -1))
+        out_of_fold = OutOfFold(found.probability, found.success, np.asarray(images)[found.rows])
+        kept = out_of_fold if len(found.rows) else None
+        return cls(features.names, parts, kept, found.choice)
 
     @property
     def uses_image(self) -> bool:
@@ -288,6 +297,8 @@ class Visibility:
         for name, part in self.parts.items():
             out |= part.forest.to_arrays(name)
             out |= {f"{name}/tried": part.tried, f"{name}/calibration": part.calibration}
+        if not np.array_equal(self.choice, IDENTITY):
+            out["choice"] = self.choice
         return out | (self.out_of_fold.to_arrays() if self.out_of_fold is not None else {})
 
     @classmethod
@@ -310,7 +321,10 @@ class Visibility:
         if len({len(part.tried) for part in parts.values()}) > 1:
             raise ValueError("the parts of the model know different numbers of objects")
         kept = OutOfFold.from_arrays(arrays) if "out_of_fold/image" in arrays else None
-        return cls(names, parts, kept)
+        choice = arrays.get("choice", IDENTITY)
+        if choice.shape != (2,) or not np.isfinite(choice).all():
+            raise ValueError("the calibration of a choice is not a slope and an intercept")
+        return cls(names, parts, kept, choice)
 
 
 def _part(arrays: Mapping[str, ndarray], name: str, columns: int) -> _Part:
