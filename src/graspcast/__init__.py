@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from graspcast.forecasting.fallbacks import Fallbacks
     from graspcast.forecasting.features import consensus_features
     from graspcast.forecasting.forecaster import Forecaster
+    from graspcast.forecasting.grasp_ranking import GraspForecast
     from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.forecasting.recorded_verdicts import ViewSettings
     from graspcast.forecasting.simulated_trials import SimulatedTrials
@@ -118,13 +119,12 @@ _HOME = {
     "forecasting.fallbacks": ("Fallbacks",),
     "forecasting.features": ("consensus_features",),
     "forecasting.forecaster": ("Forecaster",),
+    "forecasting.grasp_ranking": ("GraspForecast",),
     "forecasting.models.blend": ("ForestSettings",),
     "forecasting.recorded_verdicts": ("ViewSettings",),
     "forecasting.train": ("train_forecaster",),
-    "forecasting.training_data": (
-        "SimulatedTrials",
-        "TrainingData",
-    ),
+    "forecasting.simulated_trials": ("SimulatedTrials",),
+    "forecasting.training_data": ("TrainingData",),
     "forecasting.verdict": ("Verdict", "VerdictRow"),
     "forecasting.verdict_file": ("read_verdicts", "write_verdicts"),
     "guarantees.certificate": ("Certificate",),

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.errors import InputError, UnknownNameError
+from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.forecasting.grasp_counts import FEW_OUTCOMES
@@ -25,7 +25,14 @@ from graspcast.forecasting.model_card import ModelCard
 from graspcast.forecasting.models.calibration import calibrated
 from graspcast.forecasting.models.encoding import UNSEEN
 
-__all__ = ["Candidates", "GraspForecast", "Ranking", "Reachable", "nothing_reachable"]
+__all__ = [
+    "Candidates",
+    "GraspForecast",
+    "Ranking",
+    "Reachable",
+    "nothing_reachable",
+    "refuse_mask",
+]
 
 Reachable: TypeAlias = (
     Collection[str]
@@ -184,6 +191,22 @@ class Candidates:
         return Ranking(
             [tuple(GraspForecast(name, -p, n) for _, p, name, n, _ in each) for each in some],
             np.array([each[0][-1] if each else UNSEEN for each in some], dtype=np.int64),
+        )
+
+
+def refuse_mask(reachable: Reachable | None) -> None:
+    """Raise if not all grasps can be chosen, where a certificate is of choosing among all.
+
+    Raises
+    ------
+    MismatchError
+        If something is said to be reachable.
+    """
+    if reachable is not None:
+        raise MismatchError(
+            "the certificate is of choosing among all grasps, so it guarantees nothing where only "
+            "some are reachable: leave out what is reachable, or the certificate",
+            parameters=("reachable", "certificate"),
         )
 
 

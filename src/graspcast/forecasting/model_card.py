@@ -112,7 +112,7 @@ class ModelCard:
         )
 
     def grasps_of(self, name: str) -> tuple[str, ...]:
-        """Return the names of an object's grasps, sorted; the reference grasp's if it is unknown."""
+        """Return the names of an object's grasps, sorted; the reference grasp's if unknown."""
         number = self._number.get(name)
         return (REFERENCE_GRASP,) if number is None else self.targets.grasps[number]
 

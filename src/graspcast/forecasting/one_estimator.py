@@ -11,7 +11,8 @@ from graspcast.errors import InputError
 from graspcast.estimates.instances import scene_groups, unit_names
 from graspcast.forecasting.models.blend import Blend, ForestSettings
 from graspcast.forecasting.models.targets import Targets
-from graspcast.forecasting.models.visibility import Visibility, VisibilitySettings
+from graspcast.forecasting.models.visibility import Visibility
+from graspcast.forecasting.models.visibility_settings import VisibilitySettings
 from graspcast.forecasting.training_data import TrainingData
 from graspcast.forecasting.visibility_features import features_of_one
 from graspcast.io.progress import Progress

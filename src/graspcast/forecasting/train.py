@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.bop.models import Models
-from graspcast.errors import InputError, TrainingDataWarning, UnknownNameError
+from graspcast.errors import TrainingDataWarning, UnknownNameError
 from graspcast.estimates.checks import diameters
 from graspcast.estimates.instances import split_object_name, unit_names
 from graspcast.forecasting.features import FeatureSet, features_of
@@ -25,12 +25,10 @@ from graspcast.forecasting.models.base import Predictor
 from graspcast.forecasting.models.blend import Blend, ForestSettings, visibility_of
 from graspcast.forecasting.models.growing import grow_blends
 from graspcast.forecasting.models.mlp.ensemble import NetworkEnsemble, NetworkSettings
-from graspcast.forecasting.models.targets import Targets
 from graspcast.forecasting.models.visibility import Visibility
 from graspcast.forecasting.novelty import OOD_ALPHA, Novelty
 from graspcast.forecasting.one_estimator import (
     ALONE,
-    check_alone,
     check_learned,
     fit_alone,
     learns_alone,
@@ -39,6 +37,7 @@ from graspcast.forecasting.one_estimator import (
 )
 from graspcast.forecasting.pose_checks import refuse_most
 from graspcast.forecasting.training_data import TrainingData
+from graspcast.forecasting.training_scope import FOREST_METHODS, LEAST, Scope, scope_of
 from graspcast.forecasting.visibility_features import features_of_one, median_row
 from graspcast.io.arguments import NAME, a, checked, mapping
 from graspcast.io.progress import Progress, step_of
@@ -48,10 +47,7 @@ __all__ = ["fit_forecaster", "train_forecaster"]
 
 _FEW = 50
 """Outcomes below which a warning is given."""
-_LEAST = 10
 _METHODS = tuple(name for name in KINDS if name != ALONE)
-_FORESTS = {"blend": None, "two-stage": 0.0, "direct": 1.0}
-"""Methods made of forests, and the weight of the direct forest if not that of the settings."""
 
 
 @checked(training_data=a(TrainingData), method=NAME, models=mapping(a(Models), "dataset"))
@@ -163,15 +159,15 @@ def fit_forecaster(
         whose = learned.estimators, training_data.principal
         check_learned(*whose, method, alone=alone, views=views)
     in_order = sorted(training_data.estimates.estimators)  # whatever the order they are given in
-    scope = _scope(training_data.only(*in_order), method)
+    scope = scope_of(training_data.only(*in_order), method)
     data = scope.data
     used: Any = None
     feature_set: str = features
     if method == "threshold":
         feature_set = "add"
-    elif method in _FORESTS:
+    elif method in FOREST_METHODS:
         feature_set, used = "full", forests or ForestSettings()
-        if (weight := _FORESTS[method]) is not None:
+        if (weight := FOREST_METHODS[method]) is not None:
             used = replace(used, direct=weight)
     else:
         pools, scales = method == "MLP-O", features == "rich"
@@ -181,7 +177,7 @@ def fit_forecaster(
         data.learned.refuse_most(data.estimates, models)
     if learns_alone(data) and data.views is None:
         return _fit_alone(scope, used, models or {}, progress)
-    if method in _FORESTS:
+    if method in FOREST_METHODS:
         return _fit_forests(scope, method, used, models or {}, guides, progress)
     card = _card(scope, method, feature_set, used, models or {})
     values = features_of(data.estimates, card.principal, card.features, models).values
@@ -195,7 +191,7 @@ def fit_forecaster(
 
 
 def _fit_alone(
-    scope: _Scope,
+    scope: Scope,
     settings: ForestSettings,
     models: Mapping[str, Models],
     progress: Progress | None,
@@ -207,7 +203,7 @@ def _fit_alone(
 
 
 def _fit_forests(
-    scope: _Scope,
+    scope: Scope,
     method: str,
     settings: ForestSettings,
     models: Mapping[str, Models],
@@ -244,7 +240,7 @@ def _guides(data: TrainingData, wanted: Sequence[str] | None) -> list[str]:
     each = data.every_success.swapaxes(0, 1)
     for name, success in zip(data.estimates.estimators, each, strict=True):
         tried, held = int((~np.isnan(success)).sum()), int((success == 1).sum())
-        enough = tried >= _LEAST and 0 < held < tried
+        enough = tried >= LEAST and 0 < held < tried
         if name not in out and (enough if wanted is None else name in wanted):
             out.append(name)
     return out
@@ -311,7 +307,7 @@ def _diameters(objects: tuple[str, ...], models: Mapping[str, Models]) -> dict[s
 
 
 def _card(
-    scope: _Scope, method: str, features: str, settings: Any, models: Mapping[str, Models]
+    scope: Scope, method: str, features: str, settings: Any, models: Mapping[str, Models]
 ) -> ModelCard:
     data = scope.data
     own = data.own_outcomes
@@ -342,74 +338,3 @@ def _card(
         learned_from={} if learned is None else learned.counts(data.truth),
         grasps=grasp_counts(data, scope.targets) if scope.targets.has_several else {},
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _Scope:
-    """The training data that a method uses, and the objects that it learns.
-
-    Attributes
-    ----------
-    data
-        All instances, or for methods that use the principal's outcomes alone, the tried ones.
-    targets
-        The objects that can be forecast, and their grasps.
-    simulated
-        Those of the objects that have simulated trials alone.
-    """
-
-    data: TrainingData
-    targets: Targets
-    simulated: tuple[str, ...] = ()
-
-
-def _scope(data: TrainingData, method: str) -> _Scope:
-    """Select what a method can learn from.
-
-    Raises
-    ------
-    InputError
-        If that is too little.
-    """
-    from_forests = method in _FORESTS
-    if data.views is None or not from_forests:
-        check_alone(data, method)
-    if not data.has_truth.any() and (method == "two-stage" or data.simulated is not None):
-        raise InputError(
-            "the method two-stage, and simulated trials with any method, need ground truth, but no "
-            "instance has a known true pose",
-            parameters=("ground_truth", "bop", "method", "simulated"),
-        )
-    simulated: set[tuple[str, str]] = set()
-    if from_forests and data.simulated is not None:
-        simulated = data.simulated.pairs
-    is_tried = data.is_tried
-    own = data.own_outcomes
-    tried, successes = int((~np.isnan(own)).sum()), int((own == 1).sum())
-    if not simulated and (tried < _LEAST or successes in (0, tried)):
-        raise InputError(
-            f"{tried} outcomes of {data.principal} with {successes} successes are too few to learn "
-            "from: give at least ten, with both successes and failures",
-            parameters=("outcomes",),
-        )
-    if not from_forests:
-        data.refuse_several(
-            f"the method {method} forecasts the reference grasp of each object alone; blend "
-            "forecasts several",
-            "method",
-            "outcomes",
-        )
-        data = data.select(is_tried)
-        return _Scope(data, Targets.of_objects(sorted(set(data.objects.tolist()))))
-    with_outcomes = ~np.isnan(data.every_success).all(axis=1)
-    if method == "two-stage":
-        with_outcomes &= data.has_truth
-    if data.learned is not None:
-        with_outcomes |= data.learned.usable(data.truth).any(axis=0)
-    known = {
-        (name, grasp)
-        for grasp, tried_so in zip(data.grasps, with_outcomes, strict=True)
-        for name in data.objects[tried_so].tolist()
-    }
-    untried = {name for name, _ in simulated} - {name for name, _ in known}
-    return _Scope(data, Targets.of(known | simulated), tuple(sorted(untried)))

@@ -27,11 +27,12 @@ from graspcast.forecasting.models.encoding import one_hot_numbers
 from graspcast.forecasting.models.forest import Forest, flatten
 from graspcast.forecasting.models.held_out_choice import choose_held_out
 from graspcast.forecasting.models.out_of_fold import OutOfFold
+from graspcast.forecasting.models.visibility_settings import VisibilitySettings
 from graspcast.forecasting.splits import fold_numbers
 from graspcast.forecasting.visibility_features import POSE_COLUMNS, SCORE_COLUMN
 from graspcast.io.progress import Progress, step_of
 
-__all__ = ["Visibility", "VisibilitySettings"]
+__all__ = ["Visibility"]
 
 _PARTS = {
     "pose": "the pose",
@@ -43,32 +44,6 @@ _PARTS = {
 _OWN = len(POSE_COLUMNS)
 _FEWEST = 20
 """Outcomes below which a part that needs more than the pose is left out."""
-
-
-@dataclass(frozen=True)
-class VisibilitySettings:
-    """Settings of a visibility model.
-
-    Attributes
-    ----------
-    trees
-        Trees of each forest.
-    min_samples_leaf
-        Outcomes in each leaf, at least.
-    max_features
-        Share of the columns that each split chooses from.
-    folds
-        Folds of the scenes (or blocks of frames) for out-of-fold predictions, by which forecasts
-        are calibrated; 0 for no calibration.
-    seed
-        Of everything random.
-    """
-
-    trees: int = 128
-    min_samples_leaf: int = 3
-    max_features: float = 0.5
-    folds: int = 4
-    seed: int = 0
 
 
 @dataclass(frozen=True, eq=False)
