@@ -126,6 +126,17 @@ def training_data(n: int = 120, *, seed: int = 0, **options: object) -> Training
     return TrainingData(given, given.estimators[0], "parallel", truth, holds(error).astype(float))
 
 
+def several_grasps(n: int = 120, count: int = 2, **options: object) -> TrainingData:
+    """As :func:`training_data`, with grasps g1, g2, ... that need small errors along other axes."""
+    data = training_data(n, **options)  # type: ignore[arg-type]
+    error = np.linalg.inv(data.truth) @ data.estimates.cam_T_obj
+    others = {
+        f"g{i}": (np.abs(error[..., i % 3, 3]) < 0.015 + 0.005 * (i % 2)).astype(float)
+        for i in range(1, count + 1)
+    }
+    return dataclasses.replace(data, others=others)
+
+
 def holds(obj_T_est: np.ndarray) -> np.ndarray:
     """Which pose errors the synthetic grasp succeeds with."""
     return np.abs(obj_T_est[..., 0, 3]) < 0.02

@@ -81,6 +81,12 @@ def add(verbs: Verbs) -> None:
         "further one is expected to help, the verdict is to look again, and from where (default: "
         "1, never); with --certificate or --stages, how many of the recorded ones may be used",
     )
+    _add_stages(verb)
+    _add_grasps(verb)
+    add_out(verb, "the verdicts' CSV", others=("stages", "grasps_out"))
+
+
+def _add_stages(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--stages",
         metavar="FILE",
@@ -89,8 +95,6 @@ def add(verbs: Verbs) -> None:
         "verdicts after each look to this CSV, with the columns instance, looks and ended; --out "
         "then holds the verdicts at which looking ended",
     )
-    _add_grasps(verb)
-    add_out(verb, "the verdicts' CSV", others=("stages", "grasps_out"))
 
 
 def _add_grasps(verb: argparse.ArgumentParser) -> None:

@@ -14,6 +14,7 @@ from graspcast.cli.options import (
     inputs_of,
     new_verb,
     note_sizes,
+    positive,
 )
 from graspcast.cli.protocol_options import add_protocol, settings_of
 from graspcast.io.wording import counted
@@ -63,6 +64,19 @@ def add(verbs: Verbs) -> None:
         metavar="FILE",
         type=Path,
         help="reference grasps (TOML) besides the built-in ones",
+    )
+    verb.add_argument(
+        "--grasp",
+        metavar="NAME",
+        action="append",
+        default=[],
+        help="only grasps of this name; may be repeated (default: all)",
+    )
+    verb.add_argument(
+        "--max-grasps",
+        metavar="N",
+        type=positive,
+        help="at most this many grasps of each object and gripper, the first of the file",
     )
     verb.add_argument(
         "--catalogue", metavar="FILE", type=Path, help="objects (TOML) besides the built-in ones"
@@ -134,7 +148,7 @@ def _simulate(options: argparse.Namespace) -> None:
     inputs = inputs_of(options, every_object=options.transferred_errors is not None)
     grippers = load_grippers(options.gripper)
     settings = {name: settings_of(options, gripper) for name, gripper in grippers.items()}
-    grasps = read_grasps(options.grasps)
+    grasps = read_grasps(options.grasps).limited(options.grasp, options.max_grasps)
     requests = _requests(options, inputs, grasps, tuple(grippers))
     bop_dirs = {name: dataset.root for name, dataset in inputs.datasets.items()}
     catalogue = read_catalogue(options.catalogue)

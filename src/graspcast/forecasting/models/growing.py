@@ -199,8 +199,9 @@ def _forecast_views(
             )
 
 
-_MOST_DIRECT = 30_000
-"""Trials at most from which a direct forest is grown where objects have several grasps."""
+_MOST_DIRECT, _MOST_GIVEN_ERROR = 30_000, 60_000
+"""Trials at most from which the direct forest, and success given error, are grown where objects
+have several grasps; of more, about equally many of each grasp are drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,17 +213,21 @@ class _Trials:
     numbers: Int[ndarray, " m"]
     success: Bool[ndarray, " m"]
 
-    def at_most(self, count: int, seed: int) -> _Trials:
-        """Draw some of the trials where there are more, about equally many of each target."""
-        if len(self.guide) <= count:
-            return self
-        order = np.random.default_rng(seed).permutation(len(self.guide))
-        # The place of each trial among those of its target, in random order.
-        by_target = order[np.argsort(self.numbers[order], kind="stable")]
-        numbers = self.numbers[by_target]
-        place = np.arange(len(numbers)) - np.searchsorted(numbers, numbers)
-        kept = np.sort(by_target[np.argsort(place, kind="stable")[:count]])
-        return _Trials(*(getattr(self, f.name)[kept] for f in fields(self)))
+    def select(self, which: Int[ndarray, " k"]) -> _Trials:
+        """Select trials by number."""
+        return _Trials(*(getattr(self, f.name)[which] for f in fields(self)))
+
+
+def _drawn(numbers: Int[ndarray, " m"], count: int, seed: int) -> Int[ndarray, " k"]:
+    """Draw at most so many trials, about equally many of each target; in order, (k,)."""
+    if len(numbers) <= count:
+        return np.arange(len(numbers))
+    order = np.random.default_rng(seed).permutation(len(numbers))
+    # The place of each trial among those of its target, in random order.
+    by_target = order[np.argsort(numbers[order], kind="stable")]
+    sorted_numbers = numbers[by_target]
+    place = np.arange(len(numbers)) - np.searchsorted(sorted_numbers, sorted_numbers)
+    return np.sort(by_target[np.argsort(place, kind="stable")[:count]])
 
 
 def _grow(
@@ -250,6 +255,9 @@ def _grow(
             if matrix.names:
                 errors = _grow_errors(matrix, rows, guides, columns, forest)
             if errors or views is not None:
+                if matrix.targets.has_several:
+                    kept = _drawn(numbers, _MOST_GIVEN_ERROR, settings.seed)
+                    poses, numbers, success = poses[kept], numbers[kept], success[kept]
                 success_given_error = SuccessGivenError.fit(
                     poses, numbers, success, codes=codes, **forest
                 )
@@ -324,7 +332,7 @@ def _grow_direct(
     from sklearn.ensemble import ExtraTreesClassifier
 
     if matrix.targets.has_several:
-        trials = trials.at_most(_MOST_DIRECT, settings.seed)
+        trials = trials.select(_drawn(trials.numbers, _MOST_DIRECT, settings.seed))
     guide, outcome = trials.guide, trials.success
     if not outcome.any() or outcome.all():
         return None

@@ -13,7 +13,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.forecasting.models.calibration import IDENTITY, calibrated, fit_calibration
+from graspcast.forecasting.models.calibration import (
+    IDENTITY,
+    calibrated,
+    fit_calibration,
+    fit_shift,
+)
 
 __all__ = ["HeldOutChoice", "choose_held_out"]
 
@@ -58,6 +63,9 @@ def choose_held_out(
     several = known[:, rows].sum(axis=0) > 1
     choice = IDENTITY
     if several.any():
-        choice = fit_calibration(highest[several], held[several])
+        given = highest[several], held[several]
+        choice = fit_calibration(*given)
+        if np.array_equal(choice, IDENTITY):  # among these, higher ones are not the better ones
+            choice = fit_shift(*given)
         highest = np.where(several, calibrated(highest, choice), highest)
     return HeldOutChoice(rows, highest, held == 1, choice)
