@@ -55,6 +55,7 @@ class Held:
     """Held-out forecasts and outcomes of one estimator in one fold, n instances of S grasps."""
 
     scenes: ndarray
+    objects: ndarray
     success: Float[ndarray, "s n"]
     fixed: Int[ndarray, " n"]
     chosen: Int[ndarray, " n"]
@@ -99,6 +100,12 @@ def main() -> None:
     found = summary(held, given.seed)
     for name, value in found.items():
         print(f"| {name} | {shown(value)} |")
+    print("\n| object | n | " + " | ".join(POLICIES) + " |\n|---|---|" + "---|" * len(POLICIES))
+    objects = np.concatenate([each.objects for each in held])
+    for name in names:
+        mine = objects == name
+        rates = [f"{values[mine].mean():.3f}" for values in by_policy(held).values()]
+        print(f"| {name} | {mine.sum()} | " + " | ".join(rates) + " |")
     if given.json:
         write_json(given.json, found)
 
@@ -129,6 +136,7 @@ def held_out(
             places = {grasp: s for s, grasp in enumerate(data.grasps)}
             yield Held(
                 scenes[able],
+                asked.objects[able],
                 asked.every_success[:, k, able],
                 fixed[able],
                 np.array([places[ranked[i][0].grasp] for i in able.tolist()]),
@@ -159,6 +167,16 @@ def uncorrected(forecaster: Forecaster) -> Forecaster:
     return replace(forecaster, predictor=replace(forecaster.predictor, choice=IDENTITY.copy()))
 
 
+def by_policy(held: list[Held]) -> dict[str, Float[ndarray, " n"]]:
+    """Return the outcomes of always attempting by each policy."""
+    each_of = [
+        (each.success[0], each.outcome(each.fixed), each.outcome(each.chosen)) for each in held
+    ]
+    perfect = np.concatenate([np.nanmax(each.success, axis=0) for each in held])
+    found = [*(np.concatenate(parts) for parts in zip(*each_of, strict=True)), perfect]
+    return dict(zip(POLICIES, found, strict=True))
+
+
 def summary(held: list[Held], seed: int) -> dict[str, object]:
     """Return success by policy, differences and calibration, with intervals."""
     scenes = np.concatenate([each.scenes for each in held])
@@ -175,12 +193,7 @@ def summary(held: list[Held], seed: int) -> dict[str, object]:
     def joined(of: str) -> ndarray:
         return np.concatenate([getattr(each, of) for each in held])
 
-    outcomes = {
-        "reference": np.concatenate([each.success[0] for each in held]),
-        "best fixed": np.concatenate([each.outcome(each.fixed) for each in held]),
-        "chosen": np.concatenate([each.outcome(each.chosen) for each in held]),
-        "any that succeeds": np.concatenate([np.nanmax(each.success, axis=0) for each in held]),
-    }
+    outcomes = by_policy(held)
     out: dict[str, object] = {"n": len(scenes), "scenes": len(scene)}
     rates = {name: mean(values) for name, values in outcomes.items()}
     for name, draws in rates.items():

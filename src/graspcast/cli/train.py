@@ -193,13 +193,14 @@ def _train(options: argparse.Namespace) -> None:
     note(*(f"Warning: {text}." for text in card.warnings))
     write_json(options.json, {"card": card.as_dict()})
     simulated = f" ({len(card.simulated)} by simulation alone)" if card.simulated else ""
+    grasps = f" with {counted(len(card.targets), 'grasp')}" if card.grasps else ""
     together = f" with {', '.join(card.supporters)}" if card.supporters else " alone"
     seen = ", one view" if card.method == ALONE else ""
     seen = ", one or more views" if data.views is not None else seen
     more = "".join(f", {n} of {name}" for name, n in card.learned_from.items())
     print_text(
         f"{options.out}: {options.principal}{together}{seen}, {options.gripper} gripper, "
-        f"{counted(len(card.objects), 'object')}{simulated}, "
+        f"{counted(len(card.objects), 'object')}{simulated}{grasps}, "
         f"{counted(card.samples, 'sample')}{more}"
     )
 

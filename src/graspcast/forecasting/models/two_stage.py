@@ -238,6 +238,7 @@ def expected_success(
         np.ascontiguousarray(guide, np.float64),
         est_T_guide is not None,
         numbers.astype(np.int64),
+        _repeats(features, axes, distance, est_T_guide),
         *errors.forest.arrays(),
         errors.first,
         errors.offset,
@@ -249,6 +250,19 @@ def expected_success(
         min(trees, success_given_error.forest.trees),
         out,
     )
+    return out
+
+
+def _repeats(*columns: ndarray | None) -> Bool[ndarray, " n"]:
+    """Find the rows of columns that are equal to the row before, (n,)."""
+    given = [column for column in columns if column is not None]
+    out = np.ones(len(given[0]), dtype=bool)
+    out[:1] = False
+    for column in given:
+        if not out.any():
+            break
+        same = column[1:] == column[:-1]
+        out[1:] &= same.reshape(len(same), -1).all(axis=1)
     return out
 
 
@@ -318,43 +332,47 @@ def _carry(row, est_T_guide):
 @no_type_check
 @cached_njit(nogil=True)
 def _expected(
-    start, stop, rows, axes, distance, guide, guided, numbers,
+    start, stop, rows, axes, distance, guide, guided, numbers, repeats,
     feature, threshold, right, value, roots, first, offset, members, truth,
     s_feature, s_threshold, s_right, s_value, s_roots, codes, places, trees_a_draw, out,
 ):  # fmt: skip
     trees, s_trees, draws = len(roots) - 1, len(s_roots) - 1, len(places)
     stride = max(1, s_trees // trees_a_draw)
     nodes = np.empty(draws, np.int64)
+    inputs = np.empty((draws, 8 + codes.shape[1]), dtype=np.float32)
+    turn = np.empty((3, 3))
     for i in range(start, stop):
-        for draw in range(draws):
-            nodes[draw] = roots[draw % trees]
-        walk_together(rows[i], nodes, feature, threshold, right)
-        inputs = np.empty((draws, 8 + codes.shape[1]), dtype=np.float32)
         inputs[:, 8:] = codes[numbers[i]]
-        turn = np.empty((3, 3))
-        for draw in range(draws):
-            tree = draw % trees
-            leaf = right[nodes[draw]] + offset[tree]
-            size = first[leaf + 1] - first[leaf]
-            drawn = truth[members[first[leaf] + int(places[draw] * size)]]
-            # As in pose.ray_frame.error_along; the negated rotation vector, rotated from the ray
-            # frame into the object's, is that of the pose error.
-            _exp(drawn[3:], turn)
-            A, row = axes[i], inputs[draw]
-            for r in range(3):
-                back = 0.0
-                vector = 0.0
-                for c in range(3):
-                    # (Dᵀ s)_c and (-ω)_c, rotated by A
-                    shifted = turn[0, c] * drawn[0] + turn[1, c] * drawn[1] + turn[2, c] * drawn[2]
-                    back += A[r, c] * shifted
-                    vector -= A[r, c] * drawn[3 + c]
-                row[r] = -distance[i] * back
-                row[3 + r] = vector
-            if guided:
-                _carry(row, guide[i])
-            row[6] = np.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
-            row[7] = np.sqrt(row[3] ** 2 + row[4] ** 2 + row[5] ** 2)
+        # The errors of a row that differs from the one before in its target alone are the same.
+        if i == start or not repeats[i]:
+            for draw in range(draws):
+                nodes[draw] = roots[draw % trees]
+            walk_together(rows[i], nodes, feature, threshold, right)
+            for draw in range(draws):
+                tree = draw % trees
+                leaf = right[nodes[draw]] + offset[tree]
+                size = first[leaf + 1] - first[leaf]
+                drawn = truth[members[first[leaf] + int(places[draw] * size)]]
+                # As in pose.ray_frame.error_along; the negated rotation vector, rotated from the
+                # ray frame into the object's, is that of the pose error.
+                _exp(drawn[3:], turn)
+                A, row = axes[i], inputs[draw]
+                for r in range(3):
+                    back = 0.0
+                    vector = 0.0
+                    for c in range(3):
+                        # (Dᵀ s)_c and (-ω)_c, rotated by A
+                        shifted = (
+                            turn[0, c] * drawn[0] + turn[1, c] * drawn[1] + turn[2, c] * drawn[2]
+                        )
+                        back += A[r, c] * shifted
+                        vector -= A[r, c] * drawn[3 + c]
+                    row[r] = -distance[i] * back
+                    row[3 + r] = vector
+                if guided:
+                    _carry(row, guide[i])
+                row[6] = np.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
+                row[7] = np.sqrt(row[3] ** 2 + row[4] ** 2 + row[5] ** 2)
         # Tree by tree, so that its nodes stay in the cache.
         total, count = 0.0, 0
         for tree in range(s_trees):
