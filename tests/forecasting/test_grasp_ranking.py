@@ -63,7 +63,9 @@ def test_the_best_comes_first_but_never_one_that_rests_on_few_outcomes() -> None
 
 def test_a_correction_is_of_grasps_among_which_is_chosen_and_keeps_their_order() -> None:
     p = np.array([0.1, 0.8, 0.7, 0.5, 0.2, 0.6, 0.3])
-    plain, corrected = (candidates().ranking(p, np.array([s, t])) for s, t in ((1, 0), (0.5, -0.3)))
+    plain, corrected = (
+        candidates().ranking(p, np.array([s, t])) for s, t in ((1.0, 0.0), (0.5, -0.3))
+    )
     assert names(plain.grasps) == names(corrected.grasps)
     assert corrected.probability[0] < plain.probability[0]
     assert corrected.probability[1] == plain.probability[1] == 0.5

@@ -315,7 +315,8 @@ def _card(
     seen = () if data.views is None else (data.views.statistics, data.views.cam_T_fused)
     if features == ONE_VIEW_FEATURES:
         seen = (*seen, *data.estimates.seen.values())
-    seen = (*seen, *(part for name, held in data.others.items() for part in (name, held)))
+    named = ((np.array(name), held) for name, held in data.others.items())
+    seen = (*seen, *(part for pair in named for part in pair))
     if (learned := data.learned) is not None:
         errors = () if learned.obj_T_est is None else (learned.obj_T_est,)
         seen = (*seen, learned.cam_T_obj, learned.success, *errors)
