@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 import synthetic
-from graspcast.forecasting.grasp_counts import grasp_counts
+from graspcast.forecasting.grasp_counts import grasp_counts, rarely_tried
 from graspcast.forecasting.models.targets import Targets
 
 
@@ -23,3 +23,11 @@ def test_outcomes_of_all_guides_count_and_else_simulated_trials() -> None:
         "d-1": {"g1": 60, "reference": 90},
         "d-2": {"g1": 3, "reference": 90},
     }
+
+
+def test_grasps_with_few_outcomes_are_named() -> None:
+    assert rarely_tried({"d-1": {"top": 10}, "d-2": {"reference": 40}}) == ()
+    (said,) = rarely_tried({"d-1": {"top": 9, "side": 30}, "d-2": {"rim": 0}})
+    assert said.endswith("come after all others: top of d-1 (9), rim of d-2 (0)")
+    (said,) = rarely_tried({"d-1": {f"g{i}": i for i in range(8)}})
+    assert said.endswith("g4 of d-1 (4) and 3 more")

@@ -209,14 +209,17 @@ def _scores(
     data: TrainingData, options: argparse.Namespace, settings: dict[str, Any], move: Progress
 ) -> dict[str, dict[str, Any]]:
     """Return cross-validated scores on unseen scenes, with several views too if there are any."""
+    from dataclasses import replace
+
     import numpy as np
 
     from graspcast.evaluation.cross_validation import cross_validate, cross_validated_with_views
     from graspcast.evaluation.scores import score
 
     how = {"folds": options.folds, "seed": options.seed, "progress": move, **settings}
-    if data.views is None:
-        return {"unseen_scenes": cross_validate(data, **how).as_dict()}
+    if data.views is None or data.others:
+        # With several grasps the scores are of the grasps that are chosen from one view.
+        return {"unseen_scenes": cross_validate(replace(data, views=None), **how).as_dict()}
     tried = data.tried()
     out = {}
     names = ("unseen_scenes", "unseen_scenes_views")

@@ -34,6 +34,9 @@ SCORED_VIEWS = 3
 """From at most how many views the instances are forecast that scores with views are of."""
 
 
+_ONE_WITH_VIEWS = "forecasts with several views are cross-validated for the reference grasp alone"
+
+
 def cross_validated(
     training_data: TrainingData,
     *,
@@ -126,7 +129,13 @@ def cross_validated_with_views(
         Out-of-fold probabilities of ``training_data.tried()`` from one view (NaN where there is no
         forecast from one), and from two or three (NaN where there are no other views); each guided
         by the principal's single view.
+
+    Raises
+    ------
+    InputError
+        If objects have several grasps.
     """
+    training_data.refuse_several(_ONE_WITH_VIEWS)
     tried = training_data.tried()
     single, several = np.full(len(tried), np.nan), np.full(len(tried), np.nan)
     models = options.get("models")
@@ -167,7 +176,13 @@ def cross_validated_by_views(
         Number of views at most to out-of-fold probabilities of ``training_data.tried()``, guided by
         the principal's single view; NaN where fewer than two views are left, or the object was not
         in training.
+
+    Raises
+    ------
+    InputError
+        If objects have several grasps.
     """
+    training_data.refuse_several(_ONE_WITH_VIEWS)
     tried = training_data.tried()
     out = {most: np.full(len(tried), np.nan) for most in views}
     for test, forecaster in _folds(

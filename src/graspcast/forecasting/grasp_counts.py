@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from graspcast.forecasting.models.targets import Targets
 from graspcast.forecasting.training_data import TrainingData
 
-__all__ = ["FEW_OUTCOMES", "grasp_counts"]
+__all__ = ["FEW_OUTCOMES", "grasp_counts", "rarely_tried"]
 
 FEW_OUTCOMES = 10
 """Outcomes below which a grasp is not preferred to one with more."""
@@ -38,3 +40,26 @@ def grasp_counts(data: TrainingData, targets: Targets) -> dict[str, dict[str, in
         name: {grasp: next(given) for grasp in grasps}
         for name, grasps in zip(targets.objects, targets.grasps, strict=True)
     }
+
+
+def rarely_tried(counts: Mapping[str, Mapping[str, int]]) -> tuple[str, ...]:
+    """Name the grasps that rest on few outcomes, in one sentence; nothing if there are none.
+
+    Parameters
+    ----------
+    counts
+        As :func:`grasp_counts` returns them.
+    """
+    few = [
+        f"{grasp} of {name} ({n})"
+        for name, some in counts.items()
+        for grasp, n in some.items()
+        if n < FEW_OUTCOMES
+    ]
+    if not few:
+        return ()
+    more = f" and {len(few) - 5} more" if len(few) > 5 else ""
+    return (
+        f"grasps with fewer than {FEW_OUTCOMES} outcomes come after all others: "
+        f"{', '.join(few[:5])}{more}",
+    )

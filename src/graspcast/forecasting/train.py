@@ -17,7 +17,7 @@ from graspcast.estimates.checks import diameters
 from graspcast.estimates.instances import split_object_name, unit_names
 from graspcast.forecasting.features import FeatureSet, features_of
 from graspcast.forecasting.forecaster import Forecaster
-from graspcast.forecasting.grasp_counts import grasp_counts
+from graspcast.forecasting.grasp_counts import grasp_counts, rarely_tried
 from graspcast.forecasting.model_card import ONE_VIEW_FEATURES, ModelCard, digest_of
 from graspcast.forecasting.model_file import KINDS
 from graspcast.forecasting.models.add_threshold import Thresholds
@@ -256,7 +256,8 @@ def _assembled(
         novelty = Novelty.fit(data.estimates, card.principal, diameter_m)
         card = replace(card, smallest_p_value=novelty.smallest_p_value)
         typical = np.median(values, axis=0) if card.supporters else median_row(values)
-    card = replace(card, warnings=_limitations(data, novelty, predictor))
+    warned = (*_limitations(data, novelty, predictor), *rarely_tried(card.grasps))
+    card = replace(card, warnings=warned)
     return Forecaster(card, predictor, novelty, typical)
 
 
