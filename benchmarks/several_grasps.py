@@ -39,7 +39,6 @@ from graspcast.evaluation.bootstrap import Interval, original_and_draws
 from graspcast.evaluation.scores import calibration_error
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.blend import Blend, ForestSettings
-from graspcast.forecasting.models.calibration import IDENTITY
 from graspcast.forecasting.splits import by_group
 from graspcast.forecasting.train import fit_forecaster
 from graspcast.forecasting.training_data import TrainingData
@@ -104,7 +103,8 @@ def main() -> None:
     print("\n| object | n | " + " | ".join(POLICIES) + " |\n|---|---|" + "---|" * len(POLICIES))
     objects = np.concatenate([each.objects for each in held])
     for name in names:
-        mine = objects == name
+        if not (mine := objects == name).any():  # in one scene alone
+            continue
         rates = [f"{values[mine].mean():.3f}" for values in by_policy(held).values()]
         print(f"| {name} | {mine.sum()} | " + " | ".join(rates) + " |")
     if given.json:
@@ -165,7 +165,7 @@ def best_fixed(data: TrainingData) -> dict[str, int]:
 def uncorrected(forecaster: Forecaster) -> Forecaster:
     """Return a forecaster without the correction of highest forecasts."""
     assert isinstance(forecaster.predictor, Blend)
-    return replace(forecaster, predictor=replace(forecaster.predictor, choice=IDENTITY.copy()))
+    return replace(forecaster, predictor=replace(forecaster.predictor, choice=None))
 
 
 def by_policy(held: list[Held]) -> dict[str, Float[ndarray, " n"]]:

@@ -164,7 +164,9 @@ class Candidates:
             row, target = row[kept], target[kept]
         return cls(card, len(numbers), row, target)
 
-    def ranking(self, probability: Float[ndarray, " m"], choice: Float[ndarray, "2"]) -> Ranking:
+    def ranking(
+        self, probability: Float[ndarray, " m"], choice: Float[ndarray, "2"] | None
+    ) -> Ranking:
         """Rank by forecasts.
 
         Parameters
@@ -172,12 +174,12 @@ class Candidates:
         probability
             Of each candidate, as if it were the only one.
         choice
-            Slope and intercept of the correction where there are several.
+            Slope and intercept of the correction where there are several, or None.
         """
         known = np.flatnonzero(~np.isnan(probability))
         several = np.bincount(self.row[known], minlength=self.count)[self.row] > 1
         p = probability
-        if several.any():
+        if choice is not None and several.any():
             p = np.where(several, calibrated(probability, choice), probability)
         some: list[list[tuple[bool, float, str, int, int]]] = [[] for _ in range(self.count)]
         facts = [*self.card.grasp_facts, (REFERENCE_GRASP, 0)]  # at -1 an unseen object's

@@ -14,7 +14,6 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.forecasting.features import Features
 from graspcast.forecasting.grasp_ranking import Candidates, GraspForecast, Ranking, Reachable
 from graspcast.forecasting.models.blend import Blend
-from graspcast.forecasting.models.calibration import IDENTITY
 from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.forecasting.models.visibility import Visibility
 from graspcast.forecasting.pose_checks import sane_of
@@ -112,6 +111,6 @@ def ranking_of(
     keys = estimates.instances.to_keys
     candidates = Candidates.of(forecaster.card, keys, numbers, reachable, usable)
     model = forecaster.predictor if alone is None else alone
-    choice = model.choice if isinstance(model, Blend | Visibility) else IDENTITY
+    choice = model.choice if isinstance(model, Blend | Visibility) else None
     asked = found.values[candidates.row], candidates.target
     return candidates.ranking(forecaster.predictor.probability(*asked), choice)

@@ -139,8 +139,10 @@ def expected_after(
         errors.reshape(-1, 4, 4), np.repeat(numbers[mine], _DRAWS)
     )
     expected = blend.views.calibrated(success.reshape(len(mine), _DRAWS).mean(axis=1))
-    several = [len(card.grasps_of(objects[i])) > 1 for i in mine.tolist()]
-    out[mine] = np.where(several, calibrated(expected, blend.views.choice), expected)
+    if (choice := blend.views.choice) is not None:
+        several = [len(card.grasps_of(objects[i])) > 1 for i in mine.tolist()]
+        expected = np.where(several, calibrated(expected, choice), expected)
+    out[mine] = expected
     return out
 
 

@@ -13,7 +13,6 @@ from graspcast.bop.models import Models
 from graspcast.estimates.instances import Instances
 from graspcast.forecasting.grasp_ranking import Candidates, Ranking, Reachable
 from graspcast.forecasting.models.blend import Blend
-from graspcast.forecasting.models.calibration import IDENTITY
 from graspcast.forecasting.models.design_matrix import nearest_to
 from graspcast.forecasting.models.encoding import UNSEEN
 
@@ -88,4 +87,4 @@ def view_ranking(
     near[able] = nearest_to(*poses, keys.dataset, keys.obj_id, models)
     row, target = candidates.row, candidates.target
     probability = blend.view_probability(statistics[row], near[row], cam_T_guide[row], target)
-    return candidates.ranking(probability, IDENTITY if blend.views is None else blend.views.choice)
+    return candidates.ranking(probability, None if blend.views is None else blend.views.choice)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from graspcast.forecasting.models.calibration import IDENTITY
-from graspcast.forecasting.models.held_out_choice import choose_held_out
+from graspcast.forecasting.models.held_out_choice import choice_from, choose_held_out
 
 RNG = np.random.default_rng(0)
 TRUE = np.full((8, 4000), 0.6)
@@ -25,7 +24,7 @@ def test_of_equal_grasps_the_highest_forecast_is_too_high_and_is_corrected() -> 
 def test_one_grasp_is_not_corrected() -> None:
     found = choose_held_out(NOISY[:1], OUTCOME[:1])
     assert_array_equal(found.probability, NOISY[0])
-    assert_array_equal(found.choice, IDENTITY)
+    assert found.choice is None
 
 
 def test_what_was_not_tried_or_has_no_forecast_is_not_chosen() -> None:
@@ -40,4 +39,12 @@ def test_what_was_not_tried_or_has_no_forecast_is_not_chosen() -> None:
 def test_nothing_is_chosen_where_nothing_was_tried() -> None:
     found = choose_held_out(NOISY, np.full_like(NOISY, np.nan))
     assert not len(found.rows)
-    assert_array_equal(found.choice, IDENTITY)
+    assert found.choice is None
+
+
+@pytest.mark.parametrize("wrong", [np.ones(3), np.array([1, 0]), np.array([np.nan, 0.0])])
+def test_what_is_no_correction_is_refused(wrong: np.ndarray) -> None:
+    assert choice_from({}, "choice") is None
+    assert_array_equal(choice_from({"choice": np.array([0.9, -0.1])}, "choice"), [0.9, -0.1])
+    with pytest.raises(ValueError, match="not a slope"):
+        choice_from({"choice": wrong}, "choice")

@@ -15,7 +15,7 @@ J. Platt, *Probabilistic Outputs for Support Vector Machines*, Advances in Large
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -23,8 +23,9 @@ from numpy import ndarray
 
 from graspcast.errors import MismatchError
 from graspcast.forecasting.models.base import Predictor
-from graspcast.forecasting.models.calibration import IDENTITY, expit, logit
+from graspcast.forecasting.models.calibration import expit, logit
 from graspcast.forecasting.models.forest import Forest
+from graspcast.forecasting.models.held_out_choice import choice_from
 from graspcast.forecasting.models.out_of_fold import OutOfFold
 from graspcast.forecasting.models.two_stage import (
     ERROR_INPUTS,
@@ -103,14 +104,14 @@ class Blend:
         What one view of one estimator is forecast by, where there is no supporter, or None.
     choice
         Slope and intercept on the log-odds of the highest forecast among several grasps
-        (:mod:`graspcast.forecasting.models.held_out_choice`).
+        (:mod:`graspcast.forecasting.models.held_out_choice`), or None.
     """
 
     direct: Forest | None
     errors: ErrorModel | None
     success_given_error: SuccessGivenError | None
     estimator: Float[ndarray, " k"]
-    codes: Float[ndarray, "t c"]
+    codes: Float[ndarray, "t inputs"]
     tried: Bool[ndarray, " t"]
     known: Bool[ndarray, " t"]
     weight: float
@@ -120,7 +121,7 @@ class Blend:
     out_of_fold: OutOfFold | None = None
     views: ViewModel | None = None
     visibility: Visibility | None = None
-    choice: Float[ndarray, "2"] = field(default_factory=IDENTITY.copy)
+    choice: Float[ndarray, "2"] | None = None
 
     @property
     def is_calibrated(self) -> bool:
@@ -235,7 +236,9 @@ class Blend:
         out |= {"weight": np.array(self.weight), "draws": np.array(self.draws)}
         out["parts"] = self._parts
         if not np.array_equal(self.codes, np.eye(len(self.codes))):  # not the objects alone
-            out |= {"codes": self.codes, "choice": self.choice}
+            out["codes"] = self.codes
+        if self.choice is not None:
+            out["choice"] = self.choice
         if self.out_of_fold is not None:
             out |= self.out_of_fold.to_arrays()
         if self.errors is not None:
@@ -262,13 +265,11 @@ class Blend:
             The model of another guide, whose forests and view model are this one's too.
         """
         targets = len(arrays["tried"])
-        codes, choice = arrays.get("codes", np.eye(targets)), arrays.get("choice", IDENTITY)
+        codes = arrays.get("codes", np.eye(targets))
         if arrays["known"].shape != (targets,) or arrays["calibration"].shape != (2, 2):
             raise ValueError("the arrays of the model have different lengths")
-        if codes.ndim != 2 or len(codes) != targets or choice.shape != (2,):
-            raise ValueError("the codes of the grasps, or their calibration, have wrong shapes")
-        if not (np.isfinite(codes).all() and np.isfinite(choice).all()):
-            raise ValueError("the codes of the grasps, or their calibration, are not finite")
+        if codes.ndim != 2 or len(codes) != targets or not np.isfinite(codes).all():
+            raise ValueError("the codes of the grasps are not finite numbers of each")
         if not 1 <= int(arrays["draws"]) <= _MAX_DRAWS:
             raise ValueError(f"the model draws {int(arrays['draws'])} pose errors")
         direct = errors = success_given_error = views = None
@@ -307,7 +308,7 @@ class Blend:
             OutOfFold.from_arrays(arrays) if "out_of_fold/image" in arrays else None,
             views,
             Visibility.from_arrays(below) if below else None,
-            choice,
+            choice_from(arrays, "choice"),
         )
         if not np.array_equal(out._parts, arrays["parts"]):
             raise ValueError("a part of the model is missing")

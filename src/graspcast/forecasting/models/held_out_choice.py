@@ -7,6 +7,7 @@ logistic regression on the log-odds of the highest.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from graspcast.forecasting.models.calibration import (
     fit_shift,
 )
 
-__all__ = ["HeldOutChoice", "choose_held_out"]
+__all__ = ["HeldOutChoice", "choice_from", "choose_held_out"]
 
 
 class HeldOutChoice(NamedTuple):
@@ -35,13 +36,13 @@ class HeldOutChoice(NamedTuple):
     success
         Its outcome, (m,).
     choice
-        Slope and intercept on the log-odds of the correction.
+        Slope and intercept on the log-odds of the correction; None where nothing is chosen.
     """
 
     rows: Int[ndarray, " m"]
     probability: Float[ndarray, " m"]
     success: Bool[ndarray, " m"]
-    choice: Float[ndarray, "2"]
+    choice: Float[ndarray, "2"] | None
 
 
 def choose_held_out(
@@ -61,7 +62,7 @@ def choose_held_out(
     best = np.where(known, probability, -1.0)[:, rows].argmax(axis=0)
     highest, held = probability[best, rows], outcome[best, rows]
     several = known[:, rows].sum(axis=0) > 1
-    choice = IDENTITY
+    choice = None
     if several.any():
         given = highest[several], held[several]
         choice = fit_calibration(*given)
@@ -69,3 +70,19 @@ def choose_held_out(
             choice = fit_shift(*given)
         highest = np.where(several, calibrated(highest, choice), highest)
     return HeldOutChoice(rows, highest, held == 1, choice)
+
+
+def choice_from(arrays: Mapping[str, ndarray], name: str) -> Float[ndarray, "2"] | None:
+    """Restore a correction from the arrays of a model, None if there is none of this name.
+
+    Raises
+    ------
+    ValueError
+        If it is no slope and intercept.
+    """
+    choice = arrays.get(name)
+    if choice is None:
+        return None
+    if choice.shape != (2,) or choice.dtype != np.float64 or not np.isfinite(choice).all():
+        raise ValueError("the correction of a choice is not a slope and an intercept")
+    return choice

@@ -12,13 +12,14 @@ statistic, in units of the training instances' spread, among theirs.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from graspcast.forecasting.models.calibration import IDENTITY, calibrated
+from graspcast.forecasting.models.calibration import calibrated
+from graspcast.forecasting.models.held_out_choice import choice_from
 from graspcast.forecasting.models.out_of_fold import OutOfFold
 from graspcast.forecasting.models.two_stage import (
     ErrorModel,
@@ -61,7 +62,7 @@ class ViewModel:
     scale: Float[ndarray, " r"]
     scores: Float[ndarray, " m"]
     out_of_fold: OutOfFold | None = None
-    choice: Float[ndarray, "2"] = field(default_factory=IDENTITY.copy)
+    choice: Float[ndarray, "2"] | None = None
 
     @classmethod
     def fit(
@@ -159,7 +160,7 @@ class ViewModel:
         """Return everything learned as named arrays."""
         out = {f"{prefix}/{name}": getattr(self, name) for name in _PLAIN}
         out |= self.errors.to_arrays(f"{prefix}/errors")
-        if not np.array_equal(self.choice, IDENTITY):
+        if self.choice is not None:
             out[f"{prefix}/choice"] = self.choice
         if self.out_of_fold is not None:
             out |= {f"{prefix}/{k}": v for k, v in self.out_of_fold.to_arrays().items()}
@@ -191,9 +192,7 @@ class ViewModel:
         }
         calibration, centre, scale, scores = plain
         kept = OutOfFold.from_arrays(below) if below else None
-        choice = arrays.get(f"{prefix}/choice", IDENTITY)
-        if choice.shape != (2,) or not np.isfinite(choice).all():
-            raise ValueError("the calibration of a view model is not a slope and an intercept")
+        choice = choice_from(arrays, f"{prefix}/choice")
         return cls(errors, calibration, centre, scale, scores, kept, choice)
 
 

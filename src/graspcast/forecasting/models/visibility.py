@@ -14,7 +14,7 @@ calibrated by out-of-fold predictions.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -22,10 +22,10 @@ from numpy import ndarray
 
 from graspcast.errors import InputError, MismatchError
 from graspcast.forecasting.features import Features
-from graspcast.forecasting.models.calibration import IDENTITY, calibrated, fit_calibration
+from graspcast.forecasting.models.calibration import calibrated, fit_calibration
 from graspcast.forecasting.models.encoding import one_hot_numbers
 from graspcast.forecasting.models.forest import Forest, flatten
-from graspcast.forecasting.models.held_out_choice import choose_held_out
+from graspcast.forecasting.models.held_out_choice import choice_from, choose_held_out
 from graspcast.forecasting.models.out_of_fold import OutOfFold
 from graspcast.forecasting.models.visibility_settings import VisibilitySettings
 from graspcast.forecasting.splits import fold_numbers
@@ -97,7 +97,7 @@ class Visibility:
     names: tuple[str, ...]
     parts: Mapping[str, _Part]
     out_of_fold: OutOfFold | None = None
-    choice: Float[ndarray, "2"] = field(default_factory=IDENTITY.copy)
+    choice: Float[ndarray, "2"] | None = None
 
     @classmethod
     def fit(
@@ -272,7 +272,7 @@ class Visibility:
         for name, part in self.parts.items():
             out |= part.forest.to_arrays(name)
             out |= {f"{name}/tried": part.tried, f"{name}/calibration": part.calibration}
-        if not np.array_equal(self.choice, IDENTITY):
+        if self.choice is not None:
             out["choice"] = self.choice
         return out | (self.out_of_fold.to_arrays() if self.out_of_fold is not None else {})
 
@@ -296,10 +296,7 @@ class Visibility:
         if len({len(part.tried) for part in parts.values()}) > 1:
             raise ValueError("the parts of the model know different numbers of objects")
         kept = OutOfFold.from_arrays(arrays) if "out_of_fold/image" in arrays else None
-        choice = arrays.get("choice", IDENTITY)
-        if choice.shape != (2,) or not np.isfinite(choice).all():
-            raise ValueError("the calibration of a choice is not a slope and an intercept")
-        return cls(names, parts, kept, choice)
+        return cls(names, parts, kept, choice_from(arrays, "choice"))
 
 
 def _part(arrays: Mapping[str, ndarray], name: str, columns: int) -> _Part:
