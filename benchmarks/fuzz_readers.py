@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import json
 import shutil
@@ -22,6 +23,8 @@ from graspcast.bop.detections import read_detections
 from graspcast.bop.images import read_image
 from graspcast.bop.meshes import read_coloured_mesh
 from graspcast.bop.models import Models, read_models_info
+from graspcast.bop.object_transforms import read_object_transforms
+from graspcast.bop.pose_rows import Stated
 from graspcast.bop.results import Results, read_results, write_results
 from graspcast.errors import FormatError
 from graspcast.estimates.outcomes import read_error_outcomes, read_outcomes
@@ -183,10 +186,17 @@ _SIGNED: tuple[Mutation, ...] = (
 _ARRAYS: tuple[Mutation, ...] = (*(mutations.of_arrays,) * 3, mutations.of_bytes)
 _BYTES: tuple[Mutation, ...] = (mutations.of_bytes,)
 _LENIENT = partial(read_results, lenient=True, placeholders=True)
+_STATED = Stated(1, 3, {"mug": 5, "": 5})
 
 READERS = (
     Reader("results.csv", read_results, _TEXT, 2),
     Reader("results_lenient.csv", _LENIENT, _TEXT),
+    Reader("results_17.csv", _LENIENT, _TEXT),
+    Reader("results.csv.gz", read_results, _BYTES, 0.5),
+    Reader("detection_pem.json", read_results, _JSON),
+    Reader("object_data.json", partial(read_results, stated=_STATED), _JSON),
+    Reader("000003.txt", partial(read_results, stated=_STATED), _TEXT),
+    Reader("transform.json", read_object_transforms, _JSON),
     Reader("frame.json", _frame, (mutations.of_json,), 2),
     Reader(
         "scene_gt.json",
@@ -213,6 +223,8 @@ READERS = (
     Reader("models_info.json", read_models_info, _JSON, 2),
     Reader("targets.json", read_targets, _JSON),
     Reader("detections.json", read_detections, _JSON, 2),
+    Reader("boxes_by_image.json", read_detections, _JSON),
+    Reader("boxes_coco.json", read_detections, _JSON),
     Reader("outcomes.csv", read_outcomes, _TEXT, 2),
     Reader("error_outcomes.csv", read_error_outcomes, _TEXT),
     Reader("outcomes.parquet", read_outcomes, (partial(_parquet, digest=True), *_BYTES)),
@@ -253,6 +265,7 @@ READERS = (
     Reader("jaws.toml", _urdf, _TEXT, 0.5),
     Reader("model.ply", read_coloured_mesh, _TEXT, 0.5),
     Reader("model_binary.ply", read_coloured_mesh, _TEXT, 0.5),
+    Reader("model_polygons.ply", read_coloured_mesh, _TEXT, 0.5),
     Reader("own.ply", partial(read_mesh, unit="auto"), _TEXT, 0.5),
     Reader("own.obj", partial(read_mesh, unit="auto"), _TEXT, 0.5),
     Reader("own.stl", partial(read_mesh, unit="auto"), _BYTES, 0.5),
@@ -260,6 +273,8 @@ READERS = (
     Reader("image.png", read_image, _BYTES),
     Reader("image.jpg", read_image, _BYTES),
     Reader("image.webp", read_image, _BYTES),
+    Reader("image.tif", partial(read_image, gray=True), _BYTES),
+    Reader("turned.jpg", read_image, _BYTES),
     Reader("network.onnx", lambda p: Network("dense", p), _BYTES, 0.1),
     Reader(
         "release_index.txt",
@@ -348,6 +363,27 @@ def _tables(folder: Path) -> None:
     }
     pl.DataFrame(split).write_csv(folder / "split.csv")
     _camera_poses(folder)
+    _other_forms(folder, results)
+
+
+def _other_forms(folder: Path, results: Results) -> None:
+    """Poses and boxes as several estimators keep them."""
+    from file_variants import boxes_by_image, boxes_of_coco
+    from pose_files import megapose_entries, sam6d_entries
+
+    text = (folder / "results.csv").read_text()
+    (folder / "results.csv.gz").write_bytes(gzip.compress(text.encode(), mtime=0))
+    rows = text.partition("\n")[2].replace(" ", ",")
+    (folder / "results_17.csv").write_text(rows)
+    (folder / "detection_pem.json").write_text(json.dumps(sam6d_entries(results)))
+    entries = megapose_entries(results.select(np.array([0])), "mug")
+    (folder / "object_data.json").write_text(json.dumps(entries))
+    np.savetxt(folder / "000003.txt", results.cam_T_obj[0])
+    moved = np.diag([-1.0, -1, 1, 1])
+    moved[0, 3] = 12.5
+    (folder / "transform.json").write_text(json.dumps({"unit": "mm", "5": moved.tolist()}))
+    (folder / "boxes_by_image.json").write_text(json.dumps(boxes_by_image()))
+    (folder / "boxes_coco.json").write_text(json.dumps(boxes_of_coco()))
 
 
 def _bop(folder: Path) -> None:
@@ -460,6 +496,8 @@ def _pictures(folder: Path) -> None:
     import trimesh
     from PIL import Image
 
+    from file_variants import mixed_polygons
+
     box: Any = trimesh.creation.box((0.04, 0.06, 0.1))
     for name in ("own.ply", "own.obj", "own.stl"):
         box.export(folder / name)
@@ -470,6 +508,11 @@ def _pictures(folder: Path) -> None:
     pixels = np.random.default_rng(0).integers(0, 255, (12, 16, 3), dtype=np.uint8)
     for kind in ("png", "jpg", "webp"):
         Image.fromarray(pixels).save(folder / f"image.{kind}")
+    Image.fromarray(pixels[..., 0]).save(folder / "image.tif")
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.fromarray(pixels).save(folder / "turned.jpg", exif=exif)
+    (folder / "model_polygons.ply").write_bytes(mixed_polygons())
     weights = ROOT / "src" / "graspcast" / "perception" / "weights"
     shutil.copy(weights / "dense.onnx", folder / "network.onnx")
 

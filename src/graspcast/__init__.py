@@ -39,10 +39,12 @@ from graspcast._version import __version__
 if TYPE_CHECKING:
     from graspcast.bop.dataset import BopDataset
     from graspcast.bop.detections import read_detections
+    from graspcast.bop.pose_rows import Stated
     from graspcast.bop.results import Results, read_results, write_results
     from graspcast.demo_data import demo_dataset
     from graspcast.errors import GraspcastError
     from graspcast.estimates.alignment import Estimates, align
+    from graspcast.estimates.conversion import convert_poses
     from graspcast.estimates.error_tables import measure
     from graspcast.estimates.instances import InstanceKey
     from graspcast.estimates.loading import load_inputs
@@ -75,10 +77,16 @@ if TYPE_CHECKING:
     from graspcast.simulation.campaign.campaign import run_campaign
     from graspcast.simulation.campaign.from_estimates import trials_from_estimates
     from graspcast.simulation.campaign.jobs import load_setups
+    from graspcast.simulation.campaign.pose_errors import PoseErrors
+    from graspcast.simulation.campaign.transferred_errors import trials_from_transferred_errors
+    from graspcast.simulation.grasps.guiding_errors import guiding_errors
+    from graspcast.simulation.grasps.proposing import propose_grasps
     from graspcast.simulation.grasps.table import read_grasps
+    from graspcast.simulation.grasps.tolerance import measure_tolerance
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.load import load_object
     from graspcast.simulation.trial.gripper_conformance import check_gripper
+    from graspcast.simulation.trial.settings import TrialSettings
     from graspcast.simulation.trial.trial import TrialRunner
     from graspcast.views.camera_motion import CameraMotion, CameraNoise
     from graspcast.views.camera_tables import read_camera_motion
@@ -92,6 +100,7 @@ if TYPE_CHECKING:
 _HOME = {
     "bop.dataset": ("BopDataset",),
     "bop.detections": ("read_detections",),
+    "bop.pose_rows": ("Stated",),
     "bop.results": (
         "Results",
         "read_results",
@@ -103,6 +112,7 @@ _HOME = {
         "Estimates",
         "align",
     ),
+    "estimates.conversion": ("convert_poses",),
     "estimates.error_tables": ("measure",),
     "estimates.instances": ("InstanceKey",),
     "estimates.loading": ("load_inputs",),
@@ -138,10 +148,16 @@ _HOME = {
     "simulation.campaign.campaign": ("run_campaign",),
     "simulation.campaign.from_estimates": ("trials_from_estimates",),
     "simulation.campaign.jobs": ("load_setups",),
+    "simulation.campaign.pose_errors": ("PoseErrors",),
+    "simulation.campaign.transferred_errors": ("trials_from_transferred_errors",),
     "simulation.grasps.table": ("read_grasps",),
+    "simulation.grasps.guiding_errors": ("guiding_errors",),
+    "simulation.grasps.proposing": ("propose_grasps",),
+    "simulation.grasps.tolerance": ("measure_tolerance",),
     "simulation.grippers": ("load_gripper",),
     "simulation.objects.load": ("load_object",),
     "simulation.trial.gripper_conformance": ("check_gripper",),
+    "simulation.trial.settings": ("TrialSettings",),
     "simulation.trial.trial": ("TrialRunner",),
     "views.camera_motion": ("CameraMotion", "CameraNoise"),
     "views.camera_tables": ("read_camera_motion",),

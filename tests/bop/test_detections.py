@@ -105,7 +105,7 @@ def test_boxes_as_two_corners_are_refused(tmp_path: Path, dataset: BopDataset) -
         ("{}", "should hold a list"),
         ("[", "is not valid JSON"),
         ("", "is not valid JSON"),
-        ('{"1/3": [{"bbox_est": [1, 2, 3, 4]}]}', "should hold a list"),
+        ('{"1/3": [{"bbox_est": [1, 2, 3, 4]}]}', "no 'obj_id'; found bbox_est"),
     ],
 )
 def test_other_files_are_refused(tmp_path: Path, content: str, says: str) -> None:

@@ -20,6 +20,8 @@ UUID = "_7c9f443f-b900-41bb-af01-09b8eddfc2c4"
         ("m_kit-test-primesense.csv", ("kit",)),
         (f"m_kit-test{UUID}.csv", ("kit",)),
         (f"m_kit-test-primesense{UUID}.csv", ("kit",)),
+        (f"m_kit-test-primesense{UUID}.csv.gz", ("kit",)),
+        ("m_kit-test.json.gz", ("kit",)),
         # Whatever the ID is.
         ("cosy_kit-test_my-run.csv", ("kit",)),
         ("m_kit-val_run_3.csv", ("kit",)),

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
 
 from graspcast.bop.models import Models, read_models_info
@@ -120,3 +121,42 @@ def test_distances_of_estimates_are_compared_with_diameters(tmp_path: Path) -> N
         models.check_distances("a.csv", ones, wrong)
     models.check_distances("a.csv", ones + 4, wrong)  # no model of it
     models.check_distances("a.csv", ones[:0], poses[:0])
+
+
+def test_bounds_and_offsets_that_are_missing(tmp_path: Path) -> None:
+    axis: Any = {"symmetries_continuous": [{"axis": [0, 0, 1]}]}
+    folder = write_models(tmp_path / "models", obj_1=axis)
+    path = folder / "models_info.json"
+    whole = read_models_info(path)[1]
+    assert whole.continuous[0].offset.tolist() == [0, 0, 0]
+    entry = json.loads(path.read_text())["1"]
+    path.write_text(json.dumps({"1": {"diameter": entry["diameter"]}}))
+    info = read_models_info(path)[1]
+    assert_allclose([*info.lower, *info.size], [*whole.lower, *whole.size])
+    path.write_text(json.dumps({"1": {"diameter": entry["diameter"], "min_x": -20}}))
+    with pytest.raises(FormatError, match="object 1: no 'min_y'"):
+        read_models_info(path)
+    path.write_text(json.dumps({"7": {"diameter": entry["diameter"]}}))
+    with pytest.raises(FormatError, match=r"object 7: no min_x, …, size_z, and no obj_000007.ply"):
+        read_models_info(path)
+
+
+def test_vertices_of_no_face_are_left_out_where_the_bounds_say_so(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = write_models(tmp_path / "models")
+    path = folder / "obj_000001.ply"
+    box: Any = trimesh.creation.box((40, 60, 100))
+    vertices = np.concatenate([box.vertices, [[900.0, 0, 0]]])
+    made = trimesh.Trimesh(vertices, box.faces, process=False)
+    path.write_bytes(made.export(file_type="ply"))
+    mesh = Models(folder).mesh(1)
+    assert_allclose(np.ptp(mesh.vertices, axis=0), [0.04, 0.06, 0.1], atol=1e-7)
+    assert len(mesh.faces) == 12 and len(mesh.vertices) == 8
+    assert [r.getMessage() for r in caplog.records] == [
+        f"{path}: vertices of no face are left out: 1"
+    ]
+    box.apply_scale(1000)
+    path.write_bytes(box.export(file_type="ply"))
+    with pytest.raises(FormatError, match="the mesh's longest side is 100 m"):
+        Models(folder).mesh(1)

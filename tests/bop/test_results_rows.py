@@ -35,7 +35,6 @@ def bad(old: str, new: str) -> str:
         (bad("1 0 0 0 1 0 0 0 1", "1 0 0 0 1 0 0 0 -1"), "the pose has a mirrored rotation"),
         (bad("1 0 0 0 1 0 0 0 1", "2 0 0 0 2 0 0 0 2"), "the pose has a rotation scaled by 2"),
         (bad("10 20 900", "10 20 -900"), "behind the camera (t_z is -900 mm)"),
-        (bad(",-1", ",soon"), "time is 'soon', but should be seconds; -1 or nan if unknown"),
         (bad(",-1", ",-1,7"), "does not have the 7 fields of the header"),
         (ROW, "repeats the instance and pose of line 2"),
     ],
@@ -52,7 +51,7 @@ def test_a_bad_row_is_named_or_skipped(tmp_path: Path, row: str, says: str) -> N
     assert lenient.dropped == {"bad row": 1}
 
 
-@pytest.mark.parametrize("time", ["nan", "-2", "inf", "-1"])
+@pytest.mark.parametrize("time", ["nan", "-2", "inf", "-1", "", "None", "soon"])
 def test_a_time_that_was_not_measured_is_unknown(tmp_path: Path, time: str) -> None:
     results = read_results(write_csv(tmp_path / "r.csv", bad(",-1", f",{time}")))
     assert results.time_s.tolist() == [-1.0]

@@ -45,6 +45,20 @@ def test_the_verb_runs_a_command(
     assert len(read_results(out)) == 6
 
 
+def test_a_command_is_given_the_chosen_detections(
+    python: Path, dataset: BopDataset, boxes: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, targets = boxes.with_name("out.csv"), boxes.with_name("targets.json")
+    targets.write_text('[{"scene_id": 1, "im_id": 3}, {"scene_id": 1, "im_id": 8}]')
+    chosen = ["--targets", str(targets), "--top", "1", "--min-score", "0.5"]
+    assert main(verb(dataset, boxes, out, command(python), *chosen)) == 0
+    printed = capsys.readouterr()
+    assert printed.out == f"{out}: 4 poses in 2 images, from 4 detections in 2\n"
+    assert f"{boxes}: of 6 detections 2 are no targets" in " ".join(printed.err.split("\n"))
+    assert main(verb(dataset, boxes, out, command(python), "--min-score", "2")) == 2
+    assert "the highest score is 1) (see --min-score, --targets)" in capsys.readouterr().err
+
+
 def test_the_verb_runs_an_estimator_of_ours(
     dataset: BopDataset,
     boxes: Path,

@@ -47,7 +47,7 @@ def test_objects_without_a_model(world: Path, capsys: pytest.CaptureFixture[str]
     said = refused(["errors", *inputs(world, "a")], capsys)
     assert re.search(r"a_made-test\.csv, line 62: object 7 is not in .*which has 1, 2", said)
     assert main(["errors", *inputs(world, "a"), "--lenient"]) == 0
-    assert "dropped 1 rows (object without a model)" in capsys.readouterr().err
+    assert "dropped 1 rows (object without a model: 7)" in capsys.readouterr().err
     assert main(["errors", *inputs(world, "a"), "--objects", "1"]) == 0
     assert main(["errors", *inputs(world, "a"), "--objects", "made-1", "other-7"]) == 0
     assert "an object is given as NUMBER, or DATASET-NUMBER (lmo-5), not" in refused(

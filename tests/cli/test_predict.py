@@ -265,6 +265,28 @@ def test_objects_not_in_training_stop_no_verdict_on_the_others(
             assert row["reason"] == "the model was not trained for made-2"
 
 
+def test_objects_without_a_model_stop_no_verdict_on_the_others(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    paths = sorted(trained.glob("?_made-test.csv"))
+    texts = [path.read_text() for path in paths]
+    assert main(forests.predict(trained, tmp_path)) == 0
+    before = forests.verdicts(tmp_path)
+    try:
+        for path, text in zip(paths, texts, strict=True):
+            row = next(line for line in text.splitlines()[1:] if line.split(",")[2] == "1")
+            scene, image, _, rest = row.split(",", 3)
+            path.write_text(f"{text}{scene},{image},9,{rest}\n")
+        assert main(forests.predict(trained, tmp_path)) == 0
+        assert "dropped 1 rows (object without a model: 9)" in capsys.readouterr().err
+        assert forests.verdicts(tmp_path) == before
+        options = [*forests.train(trained, "nine.npz"), "--outcomes", str(trained / "first.csv")]
+        assert main(options) == 0
+    finally:
+        for path, text in zip(paths, texts, strict=True):
+            path.write_text(text)
+
+
 def test_a_model_of_few_outcomes_of_one_scene_warns_when_trained_and_when_used(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -369,3 +391,27 @@ def test_a_certificate_is_of_choosing_among_all_grasps(
     said = refused(masked, capsys)
     assert "the certificate is of choosing among all grasps" in said
     assert "--reachable" in said and "--certificate" in said
+
+
+def test_verdicts_on_an_object_without_images(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    looks = tmp_path / "looks"
+
+    def verdicts(*more: str) -> list[str]:
+        some = ["--transferred-errors", "8", *more]
+        return forests.predict(trained, tmp_path, *some, models=("simulated.npz",))
+
+    assert main(verdicts("--objects", "made-2", "--transferred-to", str(looks))) == 0
+    out, err = capsys.readouterr()
+    assert "8 verdicts" in out
+    rows = forests.verdicts(tmp_path)
+    assert {(row["dataset"], row["obj_id"], row["scene_id"]) for row in rows} == {
+        ("made", "2", "0")
+    }
+    assert [int(row["im_id"]) for row in rows] == list(range(8))
+    assert str(looks / "b_made-test.csv") in err and (looks / "b_made-test.csv").exists()
+    said = refused(verdicts(), capsys)
+    assert "name the objects" in said and "--objects" in said
+    said = refused(verdicts("--objects", "made-2", "--camera-poses", "a.csv"), capsys)
+    assert "neither images nor camera poses" in said

@@ -62,7 +62,7 @@ def test_one_directory_of_ground_truth_for_each_dataset(dataset: BopDataset) -> 
     with pytest.raises(InputError, match="2 directories of ground truth for 1 BOP") as caught:
         load_inputs(paths, bop=bop, ground_truth=[truth, truth])
     assert caught.value.parameters == ("ground_truth", "bop")
-    with pytest.raises(InputError, match="there are already estimates of made by a"):
+    with pytest.raises(InputError, match="is given twice, as estimates by a"):
         load_inputs([*paths, paths[0]], bop=bop)
 
 
@@ -195,7 +195,8 @@ def test_objects_and_scenes_that_the_dataset_lacks_are_named(dataset: BopDataset
         load_inputs([("a", stated)], bop=bop)
     inputs = load_inputs([("a", stated)], bop=bop, lenient=True)
     assert inputs.objects == {"made-1"}
-    assert inputs.notes == [f"{stated}: dropped 3 rows (object without a model)"]
+    assert inputs.notes == [f"{stated}: dropped 3 rows (object without a model: 7)"]
+    assert load_inputs([("a", stated)], bop=bop, without_models=True).objects == {"made-1"}
 
 
 def test_no_file_of_another_dataset_is_read_leniently(dataset: BopDataset) -> None:

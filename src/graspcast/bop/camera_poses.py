@@ -10,6 +10,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
+from graspcast.bop.scenes import Scenes
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError, InputError
 from graspcast.io.json import by_identifier, numbers, read_json, require
@@ -21,7 +22,7 @@ _ROTATION, _TRANSLATION = "cam_R_w2c", "cam_t_w2c"
 
 
 def read_scene_camera_poses(
-    directory: str | PathLike[str],
+    directory: str | PathLike[str], sensor: str | None = None
 ) -> dict[tuple[int, int], Float[ndarray, "4 4"]]:
     """Read ``cam_R_w2c`` and ``cam_t_w2c`` (mm) of all scene folders.
 
@@ -29,6 +30,8 @@ def read_scene_camera_poses(
     ----------
     directory
         The directory of the scene folders (``000001`` …).
+    sensor
+        The camera, where there are several (``scene_camera_cam1.json``).
 
     Returns
     -------
@@ -41,12 +44,11 @@ def read_scene_camera_poses(
     FormatError
         Naming file, image and key: a matrix that is no rotation, one key without the other.
     """
-    paths = sorted(
-        p for p in Path(directory).glob("*/scene_camera.json") if p.parent.name.isdecimal()
-    )
+    file = Scenes.find(Path(directory), sensor).file("camera")
+    paths = sorted(p for p in Path(directory).glob(f"*/{file}") if p.parent.name.isdecimal())
     if not paths:
         raise InputError(
-            f"{directory}: no scene folder here has a scene_camera.json",
+            f"{directory}: no scene folder here has a {file}",
             parameters=("camera_poses",),
         )
     out: dict[tuple[int, int], ndarray] = {}

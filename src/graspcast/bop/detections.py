@@ -17,11 +17,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from graspcast.bop.box_conventions import check_convention
 from graspcast.bop.dataset import BopDataset, GroundTruth, Target
+from graspcast.bop.detection_files import read_detection_file
 from graspcast.bop.summary import summary
 from graspcast.errors import FormatError, InputError
 from graspcast.io.arguments import PATH, checked
-from graspcast.io.json import identifier, numbers, read_json, require, write_json
+from graspcast.io.json import identifier, numbers, require, write_json
 
 __all__ = ["Detections", "jittered", "read_detections", "write_detections"]
 
@@ -33,11 +35,6 @@ Hodan et al., *BOP Challenge 2020*, Section 2.1.
 
 MIN_SIDE_PX = 1.0
 """Width and height below which a box is none."""
-
-_MOST_OF_A_SHARE = 2.0
-_MOST = 0.5
-_OUTSIDE = 0.1
-_MANY = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +58,8 @@ class Detections:
         How many entries were left out, by reason.
     remarks
         What is odd about them, in words.
+    in_file
+        Whether the file, of the form of the BOP Challenge, may be given to others in their place.
     """
 
     scene_id: Int[ndarray, " n"]
@@ -72,6 +71,7 @@ class Detections:
     detector: str = ""
     dropped: Mapping[str, int] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    in_file: bool = False
 
     def __len__(self) -> int:
         return len(self.obj_id)
@@ -82,7 +82,7 @@ class Detections:
     def select(self, which: Bool[ndarray, " n"] | Int[ndarray, " m"]) -> Detections:
         """Return some of the rows, by mask or by row number."""
         names = ("scene_id", "im_id", "obj_id", "score", "box_xywh")
-        return replace(self, **{name: getattr(self, name)[which] for name in names})
+        return replace(self, in_file=False, **{n: getattr(self, n)[which] for n in names})
 
     def images(self) -> dict[tuple[int, int], Detections]:
         """Group the detections by image: (scene_id, im_id), in ascending order, to detections."""
@@ -96,12 +96,15 @@ class Detections:
 def read_detections(
     path: str | PathLike[str], dataset: BopDataset | None = None, *, lenient: bool = False
 ) -> Detections:
-    """Read a BOP detections file; masks and run times in it are not used.
+    """Read a detections file; masks and run times in it are not used.
+
+    It has the form of the BOP Challenge, of GDRNPP and ZebraPose, or of COCO
+    (:mod:`graspcast.bop.detection_files`).
 
     Parameters
     ----------
     path
-        The JSON file.
+        The JSON file, or ``.json.gz``.
     dataset
         The dataset that they should belong to; if given, images and objects are checked.
     lenient
@@ -115,14 +118,14 @@ def read_detections(
         outside of the image. Also, whether lenient or not, if the boxes are shares of the image or
         pairs of corners.
     """
-    entries = read_json(path, list)
+    file = read_detection_file(path)
     checks = _Checks(dataset)
-    remarks = _check_convention(_boxes(entries, path), checks.size, path)
+    boxes, images = _boxes(file.entries, path)
+    remarks = check_convention(boxes, checks.size, path, lambda: checks.sizes(images))
     rows: list[tuple[int, int, int, float, list[float]]] = []
     makers: set[str] = set()
     dropped: Counter[str] = Counter()
-    for i, entry in enumerate(entries):
-        where = f"entry {i}"
+    for entry, where in zip(file.entries, file.places, strict=True):
         try:
             row = _parse(entry, path, where)
             checks.box(row, path, where)
@@ -149,58 +152,21 @@ def read_detections(
         detector=", ".join(sorted(makers - {""})),
         dropped=dict(dropped),
         remarks=remarks,
+        in_file=file.is_bop,
     )
 
 
-def _boxes(entries: list[Any], path: str | PathLike[str]) -> Float[ndarray, "n 4"]:
-    """Return the boxes of a file, without entries that have none."""
-    found = []
+def _boxes(
+    entries: list[Any], path: str | PathLike[str]
+) -> tuple[Float[ndarray, "n 4"], list[tuple[Any, Any]]]:
+    """Return the boxes of a file, without entries that have none, and their scenes and images."""
+    found, images = [], []
     for entry in entries:
         if isinstance(entry, dict) and "bbox" in entry:
             with suppress(FormatError):
                 found.append(numbers(entry["bbox"], (4,), path, "bbox"))
-    return np.array(found, dtype=np.float64).reshape(-1, 4)
-
-
-def _check_convention(
-    boxes: Float[ndarray, "n 4"], size: tuple[int, int] | None, path: str | PathLike[str]
-) -> tuple[str, ...]:
-    """Raise if all boxes of a file are shares of the image, or corners; return what is odd.
-
-    Amodal boxes may end beyond the image, so that corners are told from width and height only by
-    many boxes, all of which fit the image as corners, while most of them do not as they are.
-    """
-    if len(boxes) and np.abs(boxes).max() <= _MOST_OF_A_SHARE:
-        raise FormatError(
-            path,
-            f"all boxes are smaller than {_MOST_OF_A_SHARE:g} pixels (the first is "
-            f"{_text(boxes[0])}); are they shares of the image? A box is x, y, width, height in "
-            "pixels",
-        )
-    if not len(boxes) or size is None:
-        return ()
-    first, second = boxes[:, :2], boxes[:, 2:]
-    ends = first + second
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inside = np.minimum(ends, size) - np.maximum(first, 0)
-        outside = 1 - np.nan_to_num((inside / second).clip(0, 1)).prod(axis=1)
-    beyond = (ends > size).any(axis=1)
-    if beyond.mean() <= _MOST or outside.mean() <= _OUTSIDE:
-        return ()
-    text = (
-        f"{int(beyond.sum())} of {len(boxes)} boxes end beyond the image of {size[0]} x {size[1]} "
-        f"pixels (the first is {_text(boxes[beyond][0])}); a box is x, y, width, height in pixels"
-    )
-    as_corners = (
-        (first >= -1).all() and (second > first).all() and (second <= np.add(size, 1)).all()
-    )
-    if as_corners and len(boxes) >= _MANY:
-        raise FormatError(path, f"{text}; these are two corners, which all lie within the image")
-    return (f"{path}: {text}{'; are they two corners?' if as_corners else ''}",)
-
-
-def _text(box: Float[ndarray, "4"]) -> str:
-    return f"[{', '.join(f'{value:g}' for value in box)}]"
+                images.append((entry.get("scene_id"), entry.get("image_id")))
+    return np.array(found, dtype=np.float64).reshape(-1, 4), images
 
 
 _Row = tuple[int, int, int, float, list[float]]
@@ -224,6 +190,18 @@ class _Checks:
         self.size = dataset.image_size if dataset else None
         self.seen: dict[tuple[object, ...], str] = {}
 
+    def sizes(self, images: Iterable[tuple[Any, Any]]) -> Float[ndarray, "n 2"]:
+        """Return width and height of images, NaN where they are unknown."""
+        known: dict[tuple[int, int], tuple[float, float]] = {}
+        out = []
+        for key in images:
+            size: tuple[float, float] | None = None
+            if self.dataset is not None and all(isinstance(part, int) for part in key):
+                size = known.get(key) or self.dataset.size_of(*key)
+                known[key] = size or (np.nan, np.nan)
+            out.append(size or (np.nan, np.nan))
+        return np.array(out, dtype=np.float64).reshape(-1, 2)
+
     def box(self, row: _Row, path: str | PathLike[str], where: str) -> None:
         scene_id, im_id, obj_id, _, (x, y, width, height) = row
         if not (width > 0 and height > 0):
@@ -240,11 +218,14 @@ class _Checks:
                 "pixel; a box is x, y, width, height in pixels",
                 where=where,
             )
-        if self.size and not _meets((x, y, width, height), self.size):
+        size = self.size
+        if size is None or not _meets((x, y, width, height), size):
+            size = self.dataset.size_of(scene_id, im_id) if self.dataset else None
+        if size and not _meets((x, y, width, height), size):
             raise FormatError(
                 path,
                 f"the box [{x:g}, {y:g}, {width:g}, {height:g}] lies outside of the image, which "
-                f"has {self.size[0]} x {self.size[1]} pixels",
+                f"has {size[0]} x {size[1]} pixels",
                 where=where,
             )
         first = self.seen.setdefault((scene_id, im_id, obj_id, x, y, width, height), where)

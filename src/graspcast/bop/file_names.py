@@ -15,9 +15,10 @@ from pathlib import Path
 
 from graspcast.errors import InputError, MismatchError
 
-__all__ = ["belongs_to", "datasets_in", "swapped_names"]
+__all__ = ["belongs_to", "datasets_in", "split_in", "swapped_names"]
 
 _SPLIT = re.compile(r"-(?:train|val|test|onboarding)(?![A-Za-z])", re.IGNORECASE)
+_SPLIT_AND_TYPE = re.compile(r"(?:train|val|test|onboarding)(?:-[a-z][a-z0-9]*)?(?![a-z0-9])")
 _OTHER_SPLIT = re.compile(r"-(?=[A-Za-z])")
 _UUID = re.compile(r"_[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}(?![0-9a-f])", re.IGNORECASE)
 
@@ -39,7 +40,7 @@ def datasets_in(path: str | PathLike[str]) -> tuple[str, ...]:
 
 def _readings(path: str | PathLike[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the datasets that may follow a method, and those that may be the name's beginning."""
-    stem = _UUID.sub("", Path(path).stem)
+    stem = _UUID.sub("", _stem(path))
     ends = [found.start() for found in _SPLIT.finditer(stem)]
     if not ends:
         # No hyphen within a dataset whose split is not known.
@@ -52,6 +53,12 @@ def _readings(path: str | PathLike[str]) -> tuple[tuple[str, ...], tuple[str, ..
     after_method = tuple(dict.fromkeys(name for part in parts for name in part))
     whole = [stem[:end] for end, part in zip(ends, parts, strict=True) if part or not after_method]
     return after_method, tuple(name for name in whole if _is_name(name))
+
+
+def _stem(path: str | PathLike[str]) -> str:
+    """Return a file's name without its ending, ``.csv`` or ``.csv.gz``."""
+    name = Path(path).name
+    return Path(name[: -len(".gz")] if name.lower().endswith(".gz") else name).stem
 
 
 def _names_before(stem: str, end: int) -> list[str]:
@@ -119,6 +126,30 @@ def belongs_to(path: str | PathLike[str], datasets: Collection[str]) -> tuple[st
     )
 
 
+def split_in(path: str | PathLike[str], dataset: str) -> str:
+    """Return the split that a results file's name states, as BOP's directories are called.
+
+    Parameters
+    ----------
+    path
+        The file; it is not read.
+    dataset
+        The dataset that it is of.
+
+    Returns
+    -------
+        ``test``, ``val`` or, with its type, ``test_primesense``; empty if it states none.
+
+    Examples
+    --------
+    >>> split_in("m_tless-test-primesense_7c9f443f.csv", "tless")
+    'test_primesense'
+    """
+    after = _UUID.sub("", _stem(path)).casefold().rpartition(f"{dataset.casefold()}-")[2]
+    found = _SPLIT_AND_TYPE.match(after)
+    return found[0].replace("-", "_") if found else ""
+
+
 def swapped_names(files: Sequence[tuple[str, Path]]) -> list[str]:
     """Return a warning for each estimator whose file is named after another of the estimators.
 
@@ -128,9 +159,9 @@ def swapped_names(files: Sequence[tuple[str, Path]]) -> list[str]:
         Estimators' names and their files, which are not read.
     """
     names = {name for name, _ in files}
-    methods = [(name, path, path.stem.partition("_")[0]) for name, path in files]
+    methods = [(name, path, _stem(path).partition("_")[0]) for name, path in files]
     return [
         f"Warning: {path}, named after {method}, is given as estimates by {name}"
         for name, path, method in methods
-        if method != name and method in names and "_" in path.stem
+        if method != name and method in names and "_" in _stem(path)
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -31,7 +32,11 @@ from graspcast.pose.lengths import between
 from graspcast.pose.sanity import is_placeholder
 from graspcast.pose.transforms import rotation_from_vector, transform
 
-__all__ = ["ContinuousSymmetry", "ModelInfo", "Models", "read_models_info"]
+__all__ = ["ContinuousSymmetry", "ModelInfo", "Models", "mesh_name", "read_models_info"]
+
+_log = logging.getLogger(__name__)
+
+_BOUNDS = tuple(f"{what}_{axis}" for what in ("min", "size") for axis in "xyz")
 
 _SYMMETRY_STEP = 0.01
 """Largest displacement between two discretised symmetries, as a fraction of the diameter."""
@@ -108,6 +113,9 @@ class ModelInfo:
 def read_models_info(path: str | PathLike[str]) -> dict[int, ModelInfo]:
     """Read ``models_info.json``: sizes and symmetries by object id.
 
+    Bounds that it lacks are those of the mesh beside it; a symmetry's axis without an offset goes
+    through the origin.
+
     Raises
     ------
     FormatError
@@ -124,11 +132,15 @@ def read_models_info(path: str | PathLike[str]) -> dict[int, ModelInfo]:
         diameter = number("diameter")
         if diameter <= 0:
             raise FormatError(path, "the diameter should be positive", where=where)
+        if any(key in entry for key in _BOUNDS):
+            bounds = metres(np.array([number(key) for key in _BOUNDS]).reshape(2, 3))
+        else:
+            bounds = _bounds_of_mesh(Path(path), obj_id, where)
         out[obj_id] = ModelInfo(
             obj_id=obj_id,
             diameter_m=float(metres(np.array(diameter))),
-            lower=metres(np.array([number(f"min_{a}") for a in "xyz"])),
-            size=metres(np.array([number(f"size_{a}") for a in "xyz"])),
+            lower=bounds[0],
+            size=bounds[1],
             discrete=_discrete(entry, path, where),
             continuous=_continuous(entry, path, where),
         )
@@ -138,6 +150,24 @@ def read_models_info(path: str | PathLike[str]) -> dict[int, ModelInfo]:
     if problem := models_problem(np.array([info.diameter_m for info in out.values()])):
         raise FormatError(path, problem)
     return out
+
+
+def _bounds_of_mesh(path: Path, obj_id: int, where: str) -> Float[ndarray, "2 3"]:
+    """Return minimum corner and side lengths of the mesh beside ``models_info.json``."""
+    mesh = path.with_name(mesh_name(obj_id))
+    if not mesh.is_file():
+        raise FormatError(
+            path,
+            f"no {_BOUNDS[0]}, …, {_BOUNDS[-1]}, and no {mesh.name} beside it to take them from",
+            where=where,
+        )
+    vertices = read_mesh(mesh).vertices
+    return np.stack([vertices.min(axis=0), np.ptp(vertices, axis=0)])
+
+
+def mesh_name(obj_id: int) -> str:
+    """Return the name of an object's mesh file: ``obj_000005.ply``."""
+    return f"obj_{obj_id:06d}.ply"
 
 
 def _check_lengths(info: ModelInfo, path: str | PathLike[str], where: str) -> None:
@@ -178,7 +208,7 @@ def _continuous(
     out = []
     for item in listed:
         axis = numbers(require(item, "axis", path, where), (3,), path, f"{where}, axis")
-        offset = numbers(require(item, "offset", path, where), (3,), path, f"{where}, offset")
+        offset = numbers(item.get("offset", [0.0] * 3), (3,), path, f"{where}, offset")
         if (length := float(np.linalg.norm(axis))) == 0:
             raise FormatError(path, "the axis has no length", where=where)
         out.append(ContinuousSymmetry(axis=axis / length, offset=metres(offset)))
@@ -236,9 +266,7 @@ class Models:
         """
         self[obj_id]
         if obj_id not in self._meshes:
-            mesh = read_mesh(self._path(obj_id))
-            self._check(obj_id, mesh)
-            self._meshes[obj_id] = mesh
+            self._meshes[obj_id] = self._check(obj_id, read_mesh(self._path(obj_id)))
         return self._meshes[obj_id]
 
     def check_a_mesh(self) -> None:
@@ -295,10 +323,19 @@ class Models:
         return f"{said} (models_info.json; {count} {verb})"
 
     def _path(self, obj_id: int) -> Path:
-        return self.directory / f"obj_{obj_id:06d}.ply"
+        return self.directory / mesh_name(obj_id)
 
-    def _check(self, obj_id: int, mesh: Mesh) -> None:
+    def _check(self, obj_id: int, mesh: Mesh) -> Mesh:
+        """Return the mesh, without vertices of no face if it agrees only so; raise if it does not.
+
+        Scans that were cut out of a larger one may have such vertices far away.
+        """
         info = self.info[obj_id]
         if problem := mesh_problem(info.diameter_m, info.lower, mesh.vertices):
-            raise FormatError(self._path(obj_id), problem)
+            stray = mesh.stray
+            mesh = mesh.without_stray()
+            if not stray or mesh_problem(info.diameter_m, info.lower, mesh.vertices):
+                raise FormatError(self._path(obj_id), problem)
+            _log.warning("%s: vertices of no face are left out: %d", self._path(obj_id), stray)
         self._checked.add(obj_id)
+        return mesh

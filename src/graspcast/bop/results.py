@@ -6,11 +6,8 @@ instance, ``scene_id,im_id,obj_id,score,R,t,time``, with R row-major and t in mi
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from operator import itemgetter
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -19,13 +16,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from graspcast.bop.pose_readers import pose_rows
+from graspcast.bop.pose_rows import Stated
 from graspcast.bop.results_rows import COLUMNS, checked_rows, parse_rows
 from graspcast.bop.summary import summary
 from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError
 from graspcast.io.arguments import PATH, a, checked
 from graspcast.io.files import write_text
-from graspcast.io.reading import read_text
 
 __all__ = [
     "Results",
@@ -62,6 +60,8 @@ class Results:
         The file they came from, for messages.
     dropped
         How many rows were left out, by reason.
+    remarks
+        What the file lacks, in words.
     """
 
     scene_id: Int[ndarray, " n"]
@@ -73,6 +73,7 @@ class Results:
     line: Int[ndarray, " n"]
     source: str = "results"
     dropped: Mapping[str, int] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.obj_id) if isinstance(self.obj_id, ndarray) and self.obj_id.ndim else 0
@@ -179,11 +180,18 @@ def score_order(results: Results) -> Int[ndarray, " n"]:
     return np.lexsort((*rotation.T[::-1], y, x, z, -results.score))
 
 
-@checked(path=PATH)
+@checked(path=PATH, stated=a(Stated))
 def read_results(
-    path: str | PathLike[str], *, lenient: bool = False, placeholders: bool = False
+    path: str | PathLike[str],
+    *,
+    lenient: bool = False,
+    placeholders: bool = False,
+    stated: Stated | None = None,
 ) -> Results:
-    """Read a BOP results CSV.
+    """Read poses: a BOP results CSV, or another file that states scene, image and object.
+
+    The others (:mod:`graspcast.bop.pose_readers`) are SAM-6D's JSON, and, with what they do not
+    say themselves, object data of MegaPose and matrices of FoundationPose.
 
     Rows whose translation is zero, whatever the rotation, are an estimator's placeholder for
     "nothing found"; they are dropped and counted in ``dropped["placeholder"]``.
@@ -196,18 +204,23 @@ def read_results(
         Skip bad rows and count them in ``dropped["bad row"]``, instead of raising.
     placeholders
         Keep placeholders (the paper's tables count them as estimates).
+    stated
+        What the file does not say itself, and the unit of length if it is another than the
+        format's.
 
     Raises
     ------
     FormatError
         Naming file, line and remedy: a missing column, a field of the wrong type, a matrix further
-        than 0.02 from a rotation, a repeated row, or translations that look like metres.
+        than 0.02 from a rotation, a repeated row, or translations that look like metres; or, for a
+        file of no known form, what each reader misses.
     """
-    path = Path(path)
-    lines, rows, short = [], [], 0
-    for line, fields in _csv_rows(path):
+    path, stated = Path(path), stated or Stated()
+    found = pose_rows(path, stated)
+    places, rows, short = [], [], 0
+    for place, fields in zip(found.places, found.rows, strict=True):
         if fields is not None:
-            lines.append(line)
+            places.append(place)
             rows.append(fields)
         elif lenient:
             short += 1
@@ -215,12 +228,15 @@ def read_results(
             raise FormatError(
                 path,
                 f"does not have the {len(COLUMNS)} fields of the header",
-                where=f"line {line}",
+                where=f"{found.place} {place}",
                 parameters=("lenient",),
             )
-    parsed = parse_rows(path, "line", lines, rows, lenient=lenient)
+    parsed = parse_rows(path, found.place, places, rows, lenient=lenient)
     parsed.bad += short
-    return Results(**checked_rows(parsed, placeholders=placeholders))
+    unit = stated.unit or found.unit
+    results = Results(**checked_rows(parsed, placeholders=placeholders, length_unit=unit))
+    lines = results.line if found.place == "line" else np.zeros_like(results.line)
+    return replace(results, line=lines, remarks=found.remarks)
 
 
 @checked(path=PATH, results=a(Results))
@@ -240,42 +256,6 @@ def write_results(path: str | PathLike[str], results: Results) -> None:
 
 def _join(values: ndarray) -> str:
     return " ".join(repr(float(v)) for v in values.ravel())
-
-
-def _csv_rows(path: Path) -> Iterator[tuple[int, tuple[str, ...] | None]]:
-    """Yield line number and the fields of ``COLUMNS``; None for too few or too many fields."""
-    try:
-        with io.StringIO(read_text(path), newline="") as stream:
-            reader = csv.reader(stream, strict=True)
-            first = next(reader, [])
-            if _is_row(first):  # without a header, as BOP's own tools write and read them
-                header = list(COLUMNS)
-                yield reader.line_num, tuple(first)
-            else:
-                header = [name.strip() for name in first]
-            missing = [name for name in COLUMNS[:-1] if name not in header]
-            if missing:
-                found = ", ".join(header) or "none"
-                raise FormatError(
-                    path,
-                    f"no column {', '.join(map(repr, missing))}; found {found}; the first line of "
-                    f"a results file is {','.join(COLUMNS)}",
-                    where="line 1",
-                )
-            unknown = () if "time" in header else ("-1",)
-            wanted = itemgetter(*(header.index(name) for name in COLUMNS if name in header))
-            for fields in reader:
-                if fields:
-                    whole = len(fields) == len(header)
-                    yield reader.line_num, (*wanted(fields), *unknown) if whole else None
-    except csv.Error as error:
-        raise FormatError(path, f"is not a CSV file ({error})") from error
-
-
-def _is_row(fields: list[str]) -> bool:
-    """Return whether this line is no header, but the first row of a file without one."""
-    whole = (field.strip().isdecimal() for field in fields[:3])
-    return len(fields) == len(COLUMNS) and all(whole)
 
 
 def _columns_of(frame: Any, source: str) -> dict[str, list[Any]]:

@@ -13,9 +13,10 @@ from numpy import ndarray
 
 from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
 from graspcast.bop.unit_checks import distance_problem
-from graspcast.bop.units import metres
+from graspcast.bop.units import metres, millimetres
 from graspcast.errors import FormatError
 from graspcast.pose.conventions import behind_hint
+from graspcast.pose.lengths import METRES
 from graspcast.pose.sanity import is_placeholder, pose_problems
 from graspcast.pose.transforms import transform
 
@@ -41,15 +42,29 @@ def _finite(cell: Any) -> float:
 
 
 def _duration(cell: Any) -> float:
-    """Return seconds, or -1 for what is no duration: no verb depends on it."""
-    value = float(cell)
+    """Return seconds, or -1 for what is no duration, whatever it is: no verb depends on it."""
+    try:
+        value = float(cell)
+    except (TypeError, ValueError, OverflowError):
+        return -1.0
     return value if isfinite(value) and value >= 0 else -1.0
+
+
+_SEPARATORS = str.maketrans(dict.fromkeys("[](){},;", " "))
+
+
+def _floats(cell: Any) -> list[float]:
+    if not isinstance(cell, str):
+        return [float(part) for part in np.ravel(cell).tolist()]
+    try:
+        return [float(part) for part in cell.split()]
+    except ValueError:
+        return [float(part) for part in cell.translate(_SEPARATORS).split()]
 
 
 def _numbers(count: int) -> Callable[[Any], list[float]]:
     def parse(cell: Any) -> list[float]:
-        parts = cell.split() if isinstance(cell, str) else np.ravel(cell).tolist()
-        values = [float(part) for part in parts]
+        values = _floats(cell)
         if len(values) != count or not all(map(isfinite, values)):
             raise ValueError
         return values
@@ -64,7 +79,7 @@ _PARSERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "score": (_finite, "a finite number"),
     "R": (_numbers(9), "nine finite numbers, row by row, separated by spaces"),
     "t": (_numbers(3), "three finite numbers in millimetres, separated by spaces"),
-    "time": (_duration, "seconds; -1 or nan if unknown"),
+    "time": (_duration, "seconds"),
 }
 
 
@@ -160,7 +175,9 @@ def parse_rows(
     return out
 
 
-def checked_rows(parsed: ParsedRows, *, placeholders: bool) -> dict[str, Any]:
+def checked_rows(
+    parsed: ParsedRows, *, placeholders: bool, length_unit: str = "mm"
+) -> dict[str, Any]:
     """Check rotations, repeated rows and the unit of length; drop placeholders.
 
     Parameters
@@ -169,6 +186,8 @@ def checked_rows(parsed: ParsedRows, *, placeholders: bool) -> dict[str, Any]:
         The rows.
     placeholders
         Keep placeholders (poses with zero translation, for "nothing found").
+    length_unit
+        The unit of t.
 
     Returns
     -------
@@ -178,10 +197,12 @@ def checked_rows(parsed: ParsedRows, *, placeholders: bool) -> dict[str, Any]:
     ------
     FormatError
         For a bad row, unless bad rows are skipped; or if the translations seem to be in
-        another unit than millimetres.
+        another unit.
     """
     columns = parsed.columns
     translation_mm = columns["t"]
+    if length_unit != "mm":
+        translation_mm = millimetres(translation_mm * METRES[length_unit])
     is_at_centre = is_placeholder(transform(columns["R"], translation_mm))
     placeholder = is_at_centre & (not placeholders)
     keep = ~placeholder
@@ -210,10 +231,9 @@ def checked_rows(parsed: ParsedRows, *, placeholders: bool) -> dict[str, Any]:
             where = f"{parsed.unit} {parsed.place[first]}"
             parsed.reject(i, f"repeats the instance and pose of {where}")
             keep[i] = False
-    if problem := distance_problem(
-        "t", metres(np.linalg.norm(translation_mm[keep & ~is_at_centre], axis=-1))
-    ):
-        raise FormatError(parsed.source, problem)
+    distances = metres(np.linalg.norm(translation_mm[keep & ~is_at_centre], axis=-1))
+    if problem := distance_problem("t", distances, unit=length_unit):
+        raise FormatError(parsed.source, problem, parameters=("length_unit",))
     dropped = {"placeholder": int(placeholder.sum()), "bad row": parsed.bad}
     return {
         **{name: keys[keep, i] for i, name in enumerate(COLUMNS[:3])},

@@ -40,14 +40,20 @@ _AGREEING = 3.0
 """By which factor two median distances of the same objects in the same images may differ."""
 
 
-def _problem(what: str, length_m: float, reference: Reference) -> str:
-    """Word the problem of a length that was read in millimetres, with the remedy."""
-    said = unit_problem(what, length_m, reference, unit="mm")
-    return f"{said} Convert it: BOP's files are in millimetres" if said.endswith("?") else said
+def _problem(what: str, length_m: float, reference: Reference, unit: str = "mm") -> str:
+    """Word the problem of a length that was read in a unit, with the remedy."""
+    said = unit_problem(what, length_m, reference, unit=unit)
+    if unit != "mm" or not said.endswith("?"):
+        return said
+    return f"{said} Convert it: BOP's files are in millimetres"
 
 
 def distance_problem(
-    what: str, distance_m: Float[ndarray, " n"], diameter_m: Float[ndarray, " n"] | None = None
+    what: str,
+    distance_m: Float[ndarray, " n"],
+    diameter_m: Float[ndarray, " n"] | None = None,
+    *,
+    unit: str = "mm",
 ) -> str:
     """Say how the distances of objects contradict their diameters, or what a camera can see.
 
@@ -56,9 +62,11 @@ def distance_problem(
     what
         The lengths in words, for example ``"t"``.
     distance_m
-        Distances from the camera, metres, as read in millimetres.
+        Distances from the camera, metres, as read in ``unit``.
     diameter_m
         The objects' diameters, NaN where unknown.
+    unit
+        The unit in which the distances were read.
 
     Returns
     -------
@@ -79,12 +87,12 @@ def distance_problem(
                 usual_m=(median / USUAL_DIAMETERS[1], median / USUAL_DIAMETERS[0]),
             )
             return _problem("the median diameter in models_info.json", size, across)
-        if said := _problem(what, median, distance_reference(size, nearest, farthest)):
+        if said := _problem(what, median, distance_reference(size, nearest, farthest), unit):
             return said
     camera = Reference(
         f"cameras see objects {between(*_SEEN_M)} away", *_SEEN_M, usual_m=(0.2, 3.0)
     )
-    return _problem(what, median, camera)
+    return _problem(what, median, camera, unit)
 
 
 def ratio_problem(

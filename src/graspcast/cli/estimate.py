@@ -8,7 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text, progress_bar
-from graspcast.cli.options import Verbs, add_out, new_verb
+from graspcast.cli.options import (
+    Verbs,
+    add_out,
+    add_sensor,
+    maybe_named,
+    new_verb,
+    positive,
+)
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.io.wording import counted
 
@@ -35,18 +42,20 @@ def add(verbs: Verbs) -> None:
         "--save {out}'",
     )
     verb.add_argument(
-        "--bop", metavar="DIR", type=Path, required=True, help="BOP dataset directory with images"
-    )
-    verb.add_argument(
-        "--split", metavar="NAME", default="test", help="the split with the images (default: test)"
-    )
-    verb.add_argument(
-        "--detections",
-        metavar="FILE",
-        type=Path,
+        "--bop",
+        metavar="DIR",
+        type=maybe_named,
         required=True,
-        help="2D detections, as in the BOP Challenge (JSON)",
+        help="BOP dataset directory with images; NAME=DIR if the directory is called otherwise",
     )
+    verb.add_argument(
+        "--split",
+        metavar="NAME",
+        help="the split with the images, val or test_primesense (default: test, or the only one "
+        "that begins so)",
+    )
+    add_sensor(verb)
+    _add_detections(verb)
     verb.add_argument(
         "--estimator",
         metavar="NAME|COMMAND",
@@ -74,6 +83,32 @@ def add(verbs: Verbs) -> None:
     add_out(verb, "the poses (BOP results CSV, METHOD_DATASET-test.csv)")
 
 
+def _add_detections(verb: argparse.ArgumentParser) -> None:
+    """Add ``--detections``, and which of them are used."""
+    verb.add_argument(
+        "--detections",
+        metavar="FILE",
+        type=Path,
+        required=True,
+        help="2D detections, as in the BOP Challenge, of GDRNPP or ZebraPose, or COCO (JSON)",
+    )
+    verb.add_argument(
+        "--min-score", metavar="S", type=float, help="leave out detections with a lower score"
+    )
+    verb.add_argument(
+        "--top",
+        metavar="N",
+        type=positive,
+        help="of each object in an image, the N detections with the highest scores",
+    )
+    verb.add_argument(
+        "--targets",
+        metavar="FILE",
+        type=Path,
+        help="only the objects and images of a targets file (test_targets_bop19.json)",
+    )
+
+
 def _seconds(text: str) -> float:
     try:
         value = float(text)
@@ -86,7 +121,9 @@ def _seconds(text: str) -> float:
 
 def _estimate(options: argparse.Namespace) -> None:
     from graspcast.bop.dataset import BopDataset
+    from graspcast.bop.detection_choice import chosen
     from graspcast.bop.detections import read_detections
+    from graspcast.bop.targets import read_targets
     from graspcast.perception import BUILT_IN
 
     name = options.estimator
@@ -102,10 +139,17 @@ def _estimate(options: argparse.Namespace) -> None:
         raise InputError("--weights is for a built-in estimator; put them into the command instead")
     if not is_command and options.timeout_s:
         raise InputError(f"--timeout is for a command; {name} is built in")
-    dataset = BopDataset(options.bop, split=options.split)
+    dataset_name, root = options.bop
+    dataset = BopDataset(root, split=options.split, name=dataset_name, sensor=options.sensor)
     _note_name(options.out, dataset.name)
     detections = read_detections(options.detections, dataset, lenient=options.lenient)
     _note_dropped(detections)
+    detections = chosen(
+        detections,
+        min_score=options.min_score,
+        top=options.top,
+        targets=read_targets(options.targets) if options.targets else None,
+    )
     note(*detections.remarks)
     if detections.detector:
         note(f"{detections.source}: {detections.detector}")

@@ -91,8 +91,7 @@ def _trials_of(options: argparse.Namespace) -> tuple[ObservedTrials, dict[str, P
     if not (options.estimates and options.bop and options.outcomes):
         raise InputError(
             "give --data, or else --estimates, --bop and --outcomes. The search needs outcomes of "
-            "real trials; without them, write a grasp by hand in a TOML file, and look at it with "
-            "graspcast watch --grasps FILE"
+            "real trials; without them, graspcast propose-grasps finds grasps"
         )
     inputs = inputs_of(options)
     names = sorted({name for tables in inputs.results.values() for name in tables})

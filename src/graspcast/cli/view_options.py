@@ -159,7 +159,8 @@ def motions_of(options: argparse.Namespace, inputs: Inputs) -> dict[str, CameraM
             raise InputError(
                 f"{path}: there are already camera poses of {dataset}", parameters=("camera_poses",)
             )
-        out[dataset] = read_camera_motion(path)
+        directory = inputs.datasets.get(dataset)
+        out[dataset] = read_camera_motion(path, directory.sensor if directory else None)
     return out
 
 
@@ -176,7 +177,7 @@ def motion_of_directory(inputs: Inputs) -> CameraMotion:
     why = "there is no BOP directory that could hold them"
     try:
         for dataset in inputs.datasets.values():
-            return read_camera_motion(dataset.scenes)
+            return read_camera_motion(dataset.scenes, dataset.sensor)
     except GraspcastError as error:
         why = str(error)
     raise InputError(

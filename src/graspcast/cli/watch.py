@@ -187,7 +187,11 @@ def _estimate(options: argparse.Namespace, entry: ObjectEntry) -> Float[ndarray,
         raise InputError(f"object {entry.name} is in no BOP dataset, so it has no results CSV")
     name = f"{entry.dataset}-{entry.obj_id}"
     inputs = load_inputs(
-        options.estimates, bop=options.bop, ground_truth=options.ground_truth, objects=[name]
+        options.estimates,
+        bop=options.bop,
+        ground_truth=options.ground_truth,
+        objects=[name],
+        sensor=options.sensor,
     )
     ((dataset, tables),) = inputs.results.items()
     (results,) = tables.values()

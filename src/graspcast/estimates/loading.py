@@ -26,10 +26,12 @@ from graspcast.errors import (
 )
 from graspcast.estimates.alignment import Estimates, align, concatenate
 from graspcast.estimates.consistency import check_tables, describe_lengths
+from graspcast.estimates.directories import named_directories, open_directories
 from graspcast.estimates.matching import true_poses
 from graspcast.estimates.outcomes import read_all_outcomes
-from graspcast.estimates.selection import Selection, check_scenes, known_objects
-from graspcast.io.arguments import PATH, refuse_unless, sequence
+from graspcast.estimates.parts import put_together
+from graspcast.estimates.selection import Selection, check_scenes, known_objects, listed
+from graspcast.io.arguments import refuse_unless, sequence
 
 __all__ = ["Inputs", "load_inputs", "load_outcomes"]
 
@@ -165,16 +167,20 @@ def load_inputs(
     objects: Sequence[str] = (),
     scenes: Sequence[int] = (),
     lenient: bool = False,
+    sensor: str | None = None,
+    without_models: bool = False,
 ) -> Inputs:
     """Read results CSVs and the BOP directories they belong to.
 
     A file belongs to the dataset that its name states (``METHOD_DATASET-SPLIT.csv``, with whatever
-    follows in the names of the BOP Challenge); if it states none, to the only BOP directory.
+    follows in the names of the BOP Challenge); if it states none, to the only BOP directory. The
+    name states the split, too, where the directory has it; otherwise it is ``test``.
 
     Parameters
     ----------
     estimates
-        Estimator's name to its file; or pairs of them, where a name may come once for each dataset.
+        Estimator's name to its file; or pairs of them, where a name may come several times: for
+        several datasets, and for several files of one, which are put together.
     bop
         BOP directories, or pairs of a name and a directory that is called otherwise.
     ground_truth
@@ -185,6 +191,10 @@ def load_inputs(
         The numbers of the wanted scenes, all if empty.
     lenient
         Skip bad rows and unknown objects.
+    sensor
+        The camera that took the images, where the BOP directories hold those of several.
+    without_models
+        Leave out estimates of objects without a model, with a note, instead of raising.
 
     Raises
     ------
@@ -193,47 +203,28 @@ def load_inputs(
         BOP directory, an object without a model, no estimate that is wanted.
     """
     pairs = _pairs(estimates)
-    where = "load_inputs"
-    words = "a directory, or a pair of a name and a directory"
-    roots = sequence((lambda root: isinstance(root, str | PathLike | tuple), words))
-    refuse_unless(roots, bop, where, "bop")
-    refuse_unless(sequence(PATH), ground_truth, where, "ground_truth")
-    if len(ground_truth) not in (0, len(bop)):
-        raise InputError(
-            f"{len(ground_truth)} directories of ground truth for {len(bop)} BOP directories: give "
-            "none, or one for each, in the same order",
-            parameters=("ground_truth", "bop"),
-        )
-    datasets: dict[str, BopDataset] = {}
-    for i, entry in enumerate(bop):
-        name, root = (None, entry) if isinstance(entry, str | PathLike) else entry
-        truth = ground_truth[i] if ground_truth else None
-        dataset = BopDataset(root, ground_truth=truth, name=name)
-        if dataset.name in datasets:
-            raise InputError(
-                f"{root}: there is already a dataset {dataset.name}, "
-                f"{datasets[dataset.name].root}; name one of them otherwise, NAME=DIR",
-                parameters=("bop",),
-            )
-        datasets[dataset.name] = dataset
+    named = named_directories(bop, ground_truth)
     wanted = Selection(objects, scenes)
-    files = [(name, Path(given), *belongs_to(given, datasets)) for name, given in pairs]
+    files = [(name, Path(given), *belongs_to(given, named)) for name, given in pairs]
+    datasets = open_directories(named, [(path, of) for _, path, of, _ in files], sensor)
     wanted.check_datasets(dict.fromkeys(of for _, _, of, _ in files))
     out = Inputs(datasets, {})
     out.notes.extend(swapped_names([(name, path) for name, path, _, _ in files]))
-    tables: dict[str, dict[str, Results]] = {}
+    parts: dict[str, dict[str, list[Results]]] = {}
     for name, path, of, stated in files:
-        mine = tables.setdefault(of, {})
-        if name in mine:
-            raise InputError(f"{path}: there are already estimates of {of} by {name}")
+        mine = parts.setdefault(of, {}).setdefault(name, [])
         if wanted.numbers(of) == []:
             continue  # an object of another dataset is wanted
-        mine[name] = read_results(path, lenient=lenient)
-        _note_dropped(mine[name], out.notes)
-        if of in datasets and len(mine[name]):
-            note = check_scenes(mine[name], datasets[of], stated=stated)
+        mine.append(read_results(path, lenient=lenient))
+        _note_dropped(mine[-1], out.notes)
+        if of in datasets and len(mine[-1]):
+            note = check_scenes(mine[-1], datasets[of], stated=stated)
             out.notes.extend([note] if note else [])
-    results = _chosen(tables, wanted, datasets, lenient, out.notes)
+    tables = {
+        of: {name: put_together(name, tables) for name, tables in found.items() if tables}
+        for of, found in parts.items()
+    }
+    results = _chosen(tables, wanted, datasets, lenient or without_models, out.notes)
     for of, found in results.items():
         check_tables(found, datasets[of].models if of in datasets else None)
     return replace(out, results=results)
@@ -249,7 +240,7 @@ def _chosen(
     tables: Mapping[str, Mapping[str, Results]],
     wanted: Selection,
     datasets: Mapping[str, BopDataset],
-    lenient: bool,
+    without_models: bool,
     notes: list[str],
 ) -> dict[str, dict[str, Results]]:
     """Return the wanted rows of every file, of objects that the models know.
@@ -269,9 +260,12 @@ def _chosen(
             if not len(table) and len(files[name]):
                 raise wanted.why_none(files[name], dataset)
             if dataset in datasets:
-                known = known_objects(table, datasets[dataset], lenient=lenient)
+                known = known_objects(table, datasets[dataset], lenient=without_models)
                 if left := len(table) - len(known):
-                    notes.append(f"{table.source}: dropped {left} rows (object without a model)")
+                    numbers = listed(set(table.obj_id.tolist()) - set(known.obj_id.tolist()))
+                    notes.append(
+                        f"{table.source}: dropped {left} rows (object without a model: {numbers})"
+                    )
                 rows[name] = known
         found[dataset] = {}
         for name, table in rows.items():

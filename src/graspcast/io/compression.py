@@ -1,11 +1,14 @@
-"""Compressed files given where plain ones are read."""
+"""Compressed files: gzip is unpacked where text is read; others are named."""
 
 from __future__ import annotations
 
-__all__ = ["compressed", "not_text"]
+import zlib
 
+__all__ = ["compressed", "gunzipped", "not_text"]
+
+_GZIP = b"\x1f\x8b"
 _STARTS = {
-    b"\x1f\x8b": "gzip",
+    _GZIP: "gzip",
     b"PK\x03\x04": "zip",
     b"BZh": "bzip2",
     b"\xfd7zXZ\x00": "xz",
@@ -26,3 +29,36 @@ def compressed(content: bytes) -> str:
 def not_text(content: bytes) -> str:
     """Say why content is no UTF-8 text: it is compressed, or something else."""
     return compressed(content) or "is not UTF-8 text"
+
+
+def gunzipped(content: bytes, limit: int) -> bytes:
+    """Unpack gzip content, by its first bytes; return other content as it is.
+
+    Parameters
+    ----------
+    content
+        The file's content.
+    limit
+        The most bytes that it may have unpacked.
+
+    Raises
+    ------
+    ValueError
+        Saying what is wrong: it is damaged, or larger than the limit.
+    """
+    if not content.startswith(_GZIP):
+        return content
+    parts, size = [], 0
+    try:
+        while content:  # several gzip streams one after the other are one file
+            unpacker = zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
+            parts.append(unpacker.decompress(content, limit - size + 1))
+            size += len(parts[-1])
+            if size > limit:
+                raise ValueError(f"has more than {limit:,} bytes when it is unpacked")
+            if not unpacker.eof:
+                raise ValueError("is a gzip file that ends too early")
+            content = unpacker.unused_data.lstrip(b"\0")
+    except zlib.error as error:
+        raise ValueError(f"is a damaged gzip file ({error})") from error
+    return b"".join(parts)

@@ -13,7 +13,7 @@ from os import PathLike
 from pathlib import Path
 
 from graspcast.errors import FormatError
-from graspcast.io.compression import not_text
+from graspcast.io.compression import gunzipped, not_text
 
 __all__ = ["MAX_BYTES", "MAX_TEXT_BYTES", "check_regular", "read_bytes", "read_text"]
 
@@ -65,16 +65,20 @@ _O_BINARY = getattr(os, "O_BINARY", 0)
 
 
 def read_text(path: str | PathLike[str], limit: int = MAX_BYTES) -> str:
-    """Read a regular file as UTF-8 text, with or without a byte order mark.
+    """Read a regular file as UTF-8 text, with or without a byte order mark; gzip is unpacked.
 
     Line ends stay as they are.
 
     Raises
     ------
     FormatError
-        As :func:`read_bytes`, or if it is not UTF-8.
+        As :func:`read_bytes`, or if it is not UTF-8, or a gzip file that is damaged or too large.
     """
     content = read_bytes(path, limit)
+    try:
+        content = gunzipped(content, limit)
+    except ValueError as error:
+        raise FormatError(path, str(error)) from error
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -45,7 +45,7 @@ def draw_fused(
     -------
         The sheet; None if the fused pose rests on one view only.
     """
-    motion = read_camera_motion(dataset.scenes)
+    motion = read_camera_motion(dataset.scenes, dataset.sensor)
     scene = {name: table.select(table.scene_id == scene_id) for name, table in results.items()}
     name, models = dataset.name, {dataset.name: dataset.models}
     alone = fuse_estimates({principal: scene[principal]}, dataset=name, models=models, max_views=1)

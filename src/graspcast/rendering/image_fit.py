@@ -298,7 +298,7 @@ _NO_IMAGE = "there is no image"
 
 def _images(dataset: BopDataset) -> Mapping[tuple[int, int], Path]:
     """Return a dataset's images; none where its directory holds none."""
-    return dataset.images if any(dataset.scenes.glob("*/rgb/*")) else {}
+    return dataset.images if dataset.has_images else {}
 
 
 def _summary(estimator: str, problems: Sequence[str]) -> str:

@@ -344,6 +344,4 @@ class _Drawing:
 
 def _truth(dataset: BopDataset) -> GroundTruth | None:
     """None where the split has no ``scene_gt.json`` at all, as test images may have none."""
-    if not any(dataset.scenes.glob("*/scene_gt.json")):
-        return None
-    return dataset.ground_truth
+    return dataset.ground_truth if dataset.has_ground_truth else None

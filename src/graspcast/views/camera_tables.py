@@ -50,7 +50,7 @@ Parse = Callable[[Cells], Float[ndarray, "4 4"]]
 
 
 @checked(path=PATH)
-def read_camera_motion(path: str | PathLike[str]) -> CameraMotion:
+def read_camera_motion(path: str | PathLike[str], sensor: str | None = None) -> CameraMotion:
     """Read camera poses from a CSV table, or from the scene folders of a BOP directory.
 
     Parameters
@@ -58,6 +58,8 @@ def read_camera_motion(path: str | PathLike[str]) -> CameraMotion:
     path
         A CSV file (:mod:`graspcast.views.camera_tables` has its columns), or a directory of scene
         folders whose ``scene_camera.json`` hold ``cam_R_w2c`` and ``cam_t_w2c``.
+    sensor
+        The camera, where the scene folders have several (``scene_camera_cam1.json``).
 
     Raises
     ------
@@ -69,7 +71,7 @@ def read_camera_motion(path: str | PathLike[str]) -> CameraMotion:
     """
     path = Path(path)
     if path.is_dir():
-        poses = read_scene_camera_poses(path)
+        poses = read_scene_camera_poses(path, sensor)
         if not poses:
             raise InputError(
                 f"{path}: no image here has a camera pose (cam_R_w2c and cam_t_w2c in "

@@ -14,6 +14,7 @@ from graspcast.bop.results import Results
 from graspcast.bop.units import millimetres
 from graspcast.errors import InputError, MismatchError
 from graspcast.pose.transforms import rotation_angle
+from graspcast.simulation.campaign.pose_errors import PoseErrors
 from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.campaign.transferred_errors import (
     TRANSFERRED,
@@ -73,9 +74,8 @@ def transferred_errors(
 ) -> TrialRequests:
     grasps = [grasp_of(f"made-{number}") for number in objects]
     options = {"count": 300} | options
-    return trials_from_transferred_errors(
-        {"made": {"a": table}}, {"made": dataset}, grasps, **options
-    )
+    errors = PoseErrors.of_estimates({"made": {"a": table}}, {"made": dataset})
+    return trials_from_transferred_errors(errors, grasps, **options)
 
 
 def offsets(requests: TrialRequests, number: int) -> np.ndarray:
@@ -148,18 +148,16 @@ def test_seeds_and_other_pairs(dataset: BopDataset) -> None:
 
 
 def test_errors_of_all_objects_are_transferred_to_a_new_one(dataset: BopDataset) -> None:
-    found = trials_from_transferred_errors(
-        {"made": {"a": results()}}, {"made": dataset}, [grasp_of("mine-7")], count=50
-    )
+    errors = PoseErrors.of_estimates({"made": {"a": results()}}, {"made": dataset})
+    found = trials_from_transferred_errors(errors, [grasp_of("mine-7")], count=50)
     assert len(found.keys) == 50
     assert found.keys["dataset"].unique().to_list() == ["mine"]
 
 
 def test_all_grasps_of_an_object_are_tried_with_the_same_errors(dataset: BopDataset) -> None:
     grasps = [grasp_of("mine-7", "top"), grasp_of("mine-7", "side"), grasp_of("mine-8")]
-    found = trials_from_transferred_errors(
-        {"made": {"a": results()}}, {"made": dataset}, grasps, count=50
-    )
+    errors = PoseErrors.of_estimates({"made": {"a": results()}}, {"made": dataset})
+    found = trials_from_transferred_errors(errors, grasps, count=50)
     top, side, other = (found.obj_T_est[found.rows_of(g.object, g.gripper, g.name)] for g in grasps)
     assert np.array_equal(top, side)
     assert not np.array_equal(top, other)
@@ -170,9 +168,8 @@ def test_what_is_refused_and_what_is_no_estimate(dataset: BopDataset) -> None:
     with pytest.raises(InputError, match="count is 0; give at least 1"):
         transferred_errors(dataset, table, 1, count=0)
     with pytest.raises(InputError, match="'mug' has no number"):
-        trials_from_transferred_errors(
-            {"made": {"a": table}}, {"made": dataset}, [grasp_of("mug")], count=1
-        )
+        errors = PoseErrors.of_estimates({"made": {"a": table}}, {"made": dataset})
+        trials_from_transferred_errors(errors, [grasp_of("mug")], count=1)
     only = table.select(table.obj_id == 2)
     with pytest.raises(MismatchError, match="no errors to transfer to made-2"):
         transferred_errors(dataset, only, 2)

@@ -105,7 +105,7 @@ def trials_from_estimates(
     if not len(table_of_keys):
         raise MismatchError(
             "no estimate has both a ground truth and a grasp"
-            + (f"; write grasps of {lacking} in a TOML file" if lacking else ""),
+            + (f"; graspcast propose-grasps finds grasps of {lacking}" if lacking else ""),
             parameters=("estimates", "grasps"),
         )
     return TrialRequests(table_of_keys, obj_T_est)

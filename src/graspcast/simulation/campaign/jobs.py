@@ -20,6 +20,7 @@ from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.catalogue import Catalogue, read_catalogue
 from graspcast.simulation.objects.load import BopDirectories, load_object, why_no_mesh
 from graspcast.simulation.objects.types import Grasp, GraspObject
+from graspcast.simulation.trial.early_stopping import RULES
 from graspcast.simulation.trial.trial import Outcome, TrialRunner, TrialSettings, trial_digest
 
 __all__ = ["Batch", "TrialSetup", "available_trials", "load_setups", "run_batch"]
@@ -61,7 +62,8 @@ class TrialSetup:
             If the object does not stay in its reference pose.
         """
         grasp = np.asarray(self.grasp.obj_T_grasp, dtype="<f8")
-        return sha256(self.runner().digest, grasp, "early" if self.early_stop else "full")
+        rules = f"early {RULES}" if self.early_stop else "full"
+        return sha256(self.runner().digest, grasp, rules)
 
     def runner(self) -> TrialRunner:
         """Return the runner for these trials, which this process compiles once for all grasps."""

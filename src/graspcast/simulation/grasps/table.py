@@ -127,8 +127,7 @@ class GraspTable:
                 f"grasp of {object_name!r} by",
                 gripper,
                 [g for o, g in self._grasps if o == object_name],
-                hint="Write it in a TOML file of grasps (object, gripper, position_m, quaternion, "
-                "provenance)",
+                hint="graspcast propose-grasps finds grasps and writes them to such a file",
                 parameters=("grasps",),
             )
         return named
@@ -189,7 +188,7 @@ class GraspTable:
             lacking = ", ".join(f"{o} by {g}" for o, g in pairs if (o, g) not in self)
             raise InputError(
                 f"no grasp of {lacking}; an object of a dataset is named DATASET-NUMBER, "
-                "in grasps and catalogue too; write grasps in a TOML file",
+                "in grasps and catalogue too; graspcast propose-grasps finds grasps",
                 parameters=("objects", "grasps"),
             )
         return known
