@@ -105,7 +105,7 @@ def test_what_cannot_be_simulated_is_refused(
 ) -> None:
     assert "unknown gripper 'claw'" in refused(simulate(world, "--gripper", "claw"), capsys)
     said = refused(simulate(world, "--objects", "made-1"), capsys)
-    assert "unknown grasp of 'made-1' by 'parallel'" in said and "Write it in a TOML" in said
+    assert "unknown grasp of 'made-1' by 'parallel'" in said and "propose-grasps" in said
     for more in ([], ["--lenient"]):
         said = refused(simulate(world, *more), capsys)
         assert "no estimate has both a ground truth and a grasp; write grasps of made-1 by" in said

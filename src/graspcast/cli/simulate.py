@@ -65,6 +65,24 @@ def add(verbs: Verbs) -> None:
     verb.add_argument(
         "--seed", metavar="N", type=count, default=0, help="random seed of --transferred-errors"
     )
+    _add_grasps(verb)
+    verb.add_argument(
+        "--catalogue", metavar="FILE", type=Path, help="objects (TOML) besides the built-in ones"
+    )
+    add_protocol(verb)
+    verb.add_argument(
+        "--workers", metavar="N", type=int, help="worker processes (default: all cores)"
+    )
+    verb.add_argument(
+        "--executor", choices=("local", "ray"), default="local", help="default: local"
+    )
+    verb.add_argument(
+        "--address", metavar="URL", help="address of the Ray cluster, if it is not found"
+    )
+    add_out(verb, "directory of the campaign; an interrupted campaign is resumed", directory=True)
+
+
+def _add_grasps(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--grasps",
         metavar="FILE",
@@ -84,20 +102,6 @@ def add(verbs: Verbs) -> None:
         type=positive,
         help="at most this many grasps of each object and gripper, the first of the file",
     )
-    verb.add_argument(
-        "--catalogue", metavar="FILE", type=Path, help="objects (TOML) besides the built-in ones"
-    )
-    add_protocol(verb)
-    verb.add_argument(
-        "--workers", metavar="N", type=int, help="worker processes (default: all cores)"
-    )
-    verb.add_argument(
-        "--executor", choices=("local", "ray"), default="local", help="default: local"
-    )
-    verb.add_argument(
-        "--address", metavar="URL", help="address of the Ray cluster, if it is not found"
-    )
-    add_out(verb, "directory of the campaign; an interrupted campaign is resumed", directory=True)
 
 
 def _executor(options: argparse.Namespace) -> Executor:
