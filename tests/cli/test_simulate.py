@@ -108,7 +108,7 @@ def test_what_cannot_be_simulated_is_refused(
     assert "unknown grasp of 'made-1' by 'parallel'" in said and "propose-grasps" in said
     for more in ([], ["--lenient"]):
         said = refused(simulate(world, *more), capsys)
-        assert "no estimate has both a ground truth and a grasp; write grasps of made-1 by" in said
+        assert "no estimate has both a ground truth and a grasp; graspcast propose-grasps" in said
     said = refused(simulate(world, *tables, "--gripper", "franka"), capsys)
     assert "two grippers are called 'parallel': parallel and franka" in said
     assert not (world / "campaign").exists()
