@@ -25,7 +25,7 @@ from graspcast.evaluation.held_out_certificates import resample_certificates
 from graspcast.evaluation.methods import METHODS
 from graspcast.evaluation.predictions import Forecasts
 from graspcast.evaluation.run import forecast_all
-from graspcast.forecasting.training_data import SimulatedTrials
+from graspcast.forecasting.simulated_trials import SimulatedTrials
 from graspcast.paper.dataset import Published
 
 

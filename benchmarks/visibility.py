@@ -31,7 +31,8 @@ from graspcast.evaluation.scores import calibration_error
 from graspcast.forecasting.features import Features, consensus_features
 from graspcast.forecasting.models.calibration import expit, logit
 from graspcast.forecasting.models.encoding import one_hot_numbers
-from graspcast.forecasting.models.visibility import Visibility, VisibilitySettings
+from graspcast.forecasting.models.visibility import Visibility
+from graspcast.forecasting.models.visibility_settings import VisibilitySettings
 from graspcast.forecasting.train import fit_forecaster
 from graspcast.forecasting.training_data import TrainingData
 from graspcast.forecasting.visibility_features import visibility_features

@@ -13,7 +13,8 @@ from graspcast.bop.models import Models
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import Instances
 from graspcast.evaluation.benchmark import Benchmark
-from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+from graspcast.forecasting.simulated_trials import SimulatedTrials
+from graspcast.forecasting.training_data import TrainingData
 from poses import nudged, random_poses
 
 
@@ -123,6 +124,17 @@ def training_data(n: int = 120, *, seed: int = 0, **options: object) -> Training
     given = dataclasses.replace(given, cam_T_obj=poses)
     error = np.linalg.inv(truth) @ given.cam_T_obj
     return TrainingData(given, given.estimators[0], "parallel", truth, holds(error).astype(float))
+
+
+def several_grasps(n: int = 120, count: int = 2, **options: object) -> TrainingData:
+    """As :func:`training_data`, with grasps g1, g2, ... that need small errors along other axes."""
+    data = training_data(n, **options)  # type: ignore[arg-type]
+    error = np.linalg.inv(data.truth) @ data.estimates.cam_T_obj
+    others = {
+        f"g{i}": (np.abs(error[..., i % 3, 3]) < 0.015 + 0.005 * (i % 2)).astype(float)
+        for i in range(1, count + 1)
+    }
+    return dataclasses.replace(data, others=others)
 
 
 def holds(obj_T_est: np.ndarray) -> np.ndarray:

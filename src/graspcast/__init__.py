@@ -61,10 +61,12 @@ if TYPE_CHECKING:
     from graspcast.forecasting.fallbacks import Fallbacks
     from graspcast.forecasting.features import consensus_features
     from graspcast.forecasting.forecaster import Forecaster
+    from graspcast.forecasting.grasp_ranking import GraspForecast
     from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.forecasting.recorded_verdicts import ViewSettings
+    from graspcast.forecasting.simulated_trials import SimulatedTrials
     from graspcast.forecasting.train import train_forecaster
-    from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+    from graspcast.forecasting.training_data import TrainingData
     from graspcast.forecasting.verdict import Verdict, VerdictRow
     from graspcast.forecasting.verdict_file import read_verdicts, write_verdicts
     from graspcast.guarantees.certificate import Certificate
@@ -127,13 +129,12 @@ _HOME = {
     "forecasting.fallbacks": ("Fallbacks",),
     "forecasting.features": ("consensus_features",),
     "forecasting.forecaster": ("Forecaster",),
+    "forecasting.grasp_ranking": ("GraspForecast",),
     "forecasting.models.blend": ("ForestSettings",),
     "forecasting.recorded_verdicts": ("ViewSettings",),
     "forecasting.train": ("train_forecaster",),
-    "forecasting.training_data": (
-        "SimulatedTrials",
-        "TrainingData",
-    ),
+    "forecasting.simulated_trials": ("SimulatedTrials",),
+    "forecasting.training_data": ("TrainingData",),
     "forecasting.verdict": ("Verdict", "VerdictRow"),
     "forecasting.verdict_file": ("read_verdicts", "write_verdicts"),
     "guarantees.certificate": ("Certificate",),

@@ -306,6 +306,93 @@ def predicted(trained: Path, tmp_path: Path, model: str, capsys: pytest.CaptureF
     return capsys.readouterr().err
 
 
+@pytest.fixture
+def several(trained: Path, tmp_path: Path) -> Path:
+    """Outcomes of two grasps, of which the second holds where the first does not; and a model."""
+    first = pl.read_csv(trained / "outcomes.csv").with_columns(grasp=pl.lit("reference"))
+    second = first.with_columns(grasp=pl.lit("top"), success=1 - pl.col("success"))
+    pl.concat([first, second]).write_csv(tmp_path / "several.csv")
+    given = ["--outcomes", str(tmp_path / "several.csv"), "--folds", "2"]
+    command = forests.train(trained, "unused.npz", *given)
+    command[command.index("--out") + 1] = str(tmp_path / "several.npz")
+    assert main(command) == 0
+    return tmp_path
+
+
+def test_the_best_grasp_is_named_and_all_are_ranked(
+    trained: Path, several: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, ranks = str(several / "several.npz"), several / "grasps.csv"
+    more = ("--model", model, "--grasps-out", str(ranks))
+    assert main(forests.predict(trained, several, *more, models=())) == 0
+    rows = forests.verdicts(several)
+    with ranks.open() as stream:
+        every = list(csv.DictReader(stream))
+    assert {row["grasp"] for row in rows} == {"reference", "top"}
+    best = {(r["im_id"], r["obj_id"]): r for r in every if r["rank"] == "1"}
+    for row in rows:
+        mine = best[row["im_id"], row["obj_id"]]
+        assert (row["grasp"], row["probability"]) == (mine["grasp"], mine["probability"])
+        assert "the best of 2, by 180 outcomes" in row["reason"]
+    assert len(every) == 2 * len(rows)
+    capsys.readouterr()
+    score = ["score", "--verdicts", str(several / "v.csv")]
+    assert main([*score, "--outcomes", str(several / "several.csv")]) == 0
+    assert str(len(rows)) in capsys.readouterr().out
+    said = refused([*score, "--outcomes", str(trained / "outcomes.csv")], capsys)
+    assert "unknown grasp 'top'; known: reference" in said
+
+
+def test_what_is_reachable_decides(
+    trained: Path, several: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, mask = str(several / "several.npz"), several / "reachable.csv"
+    rows = ["dataset,scene_id,im_id,obj_id,grasp", "made,0,0,1,top", "made,0,1,2,reference"]
+    mask.write_text("\n".join(rows) + "\n")
+    command = forests.predict(trained, several, "--model", model, models=())
+    assert main([*command, "--reachable", str(mask)]) == 0
+    found = {row["im_id"]: row for row in forests.verdicts(several)}
+    assert (found["0"]["grasp"], found["1"]["grasp"]) == ("top", "reference")
+    assert found["2"]["probability"] == "" and found["2"]["verdict"] == "abstain"
+    assert found["2"]["reason"] == (
+        "no grasp is reachable of those that the model knows of made-1: reference, top"
+    )
+    mask.write_text("\n".join([*rows, "made,0,2,1,tip"]) + "\n")
+    said = refused([*command, "--reachable", str(mask)], capsys)
+    assert "unknown grasp of made-1 'tip' (did you mean 'top'?); known: reference, top" in said
+    mask.write_text("\n".join([*rows, rows[-1]]) + "\n")
+    assert "rows 2, 3 are of one grasp" in refused([*command, "--reachable", str(mask)], capsys)
+
+
+def test_a_certificate_is_of_choosing_among_all_grasps(
+    trained: Path, several: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, path = str(several / "several.npz"), str(several / "certificate.json")
+    outcomes = ["--outcomes", str(several / "several.csv"), "--rate", "0.5"]
+    how = ["--unit", "image", "--allow-training-scenes", "--out", path]
+    assert main(["certify", *forests.inputs(trained), "--model", model, *outcomes, *how]) == 0
+    assert json.loads(Path(path).read_text())["provenance"]["grasp"] == ["reference", "top"]
+    command = forests.predict(trained, several, "--model", model, "--certificate", path, models=())
+    assert main(command) == 0
+    log = (
+        pl.read_csv(several / "v.csv").filter(verdict="attempt").rename({"principal": "estimator"})
+    )
+    log.with_columns(success=1).write_csv(several / "log.csv")
+    watched = ["monitor", "--certificate", path, "--attempt-log", str(several / "log.csv")]
+    capsys.readouterr()
+    assert main([*watched, "--state", str(several / "state.json")]) == 0
+    log.with_columns(success=1, grasp=pl.lit("tip")).write_csv(several / "log.csv")
+    other = [*watched, "--state", str(several / "other.json")]
+    assert "attempts of grasp tip, but the guarantee is for reference, top" in refused(
+        other, capsys
+    )
+    (several / "r.csv").write_text("dataset,scene_id,im_id,obj_id,grasp\nmade,0,0,1,top\n")
+    masked = [*command, "--reachable", str(several / "r.csv")]
+    said = refused(masked, capsys)
+    assert "the certificate is of choosing among all grasps" in said
+    assert "--reachable" in said and "--certificate" in said
+
+
 def test_verdicts_on_an_object_without_images(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

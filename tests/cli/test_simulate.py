@@ -105,10 +105,10 @@ def test_what_cannot_be_simulated_is_refused(
 ) -> None:
     assert "unknown gripper 'claw'" in refused(simulate(world, "--gripper", "claw"), capsys)
     said = refused(simulate(world, "--objects", "made-1"), capsys)
-    assert "unknown grasp of 'made-1' by 'parallel'" in said and "Write it in a TOML" in said
+    assert "unknown grasp of 'made-1' by 'parallel'" in said and "propose-grasps" in said
     for more in ([], ["--lenient"]):
         said = refused(simulate(world, *more), capsys)
-        assert "no estimate has both a ground truth and a grasp; write grasps of made-1 by" in said
+        assert "no estimate has both a ground truth and a grasp; graspcast propose-grasps" in said
     said = refused(simulate(world, *tables, "--gripper", "franka"), capsys)
     assert "two grippers are called 'parallel': parallel and franka" in said
     assert not (world / "campaign").exists()
@@ -142,6 +142,22 @@ def test_an_object_without_grasp_or_mesh_stops_no_trial_of_others(
     assert "left out 5 trials of made-2: it is not in the catalogue" in capsys.readouterr().err
     said = refused([*command, "--objects", "made-1", "made-2"], capsys)
     assert "made-2" in said
+
+
+def test_some_of_several_grasps_are_simulated(
+    world: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    (reference,) = grasps_in(world / "grasps.toml")
+    named = [replace(reference, grasp=replace(reference.grasp, name=n)) for n in ("top", "low")]
+    write_grasps(world / "grasps.toml", [reference, *named])
+    command = simulate(world, *tables, "--scenes", "0", "--grasp", "low", "--grasp", "reference")
+    assert main(command) == 0
+    assert set(read_outcomes(world / "campaign")["grasp"]) == {"reference", "low"}
+    one = ["--max-grasps", "1", "--out", str(world / "one")]
+    assert main([*simulate(world, *tables, "--scenes", "0"), *one]) == 0
+    assert set(read_outcomes(world / "one")["grasp"]) == {"reference"}
+    said = refused(simulate(world, *tables, "--grasp", "tip"), capsys)
+    assert "unknown grasp 'tip'" in said and "--grasp" in said
 
 
 def test_errors_are_transferred_or_drawn_without_estimates_of_the_object(

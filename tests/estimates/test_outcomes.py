@@ -181,7 +181,7 @@ def test_errors_come_back_as_the_poses_they_were(tmp_path: Path, name: str) -> N
     write_table(tmp_path / name, guided(errors))
     table, found = read_error_outcomes(tmp_path / name)
     assert_allclose(found, errors, atol=1e-9)
-    assert table.columns == ["object", "gripper", "success"]
+    assert table.columns == ["object", "gripper", "grasp", "success"]
     assert table["object"].to_list() == ["lmo-1", "lmo-2"] * 20
     assert_array_equal(table["success"].to_numpy(), np.arange(40) % 3 == 2)
     # The same file still is one of outcomes.

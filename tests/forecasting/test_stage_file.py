@@ -60,7 +60,7 @@ def test_it_is_read_as_it_was_written(path: Path) -> None:
         (2, "ended", "maybe", "line 3: ended is 'maybe', not yes or no"),
         (2, "ended", "no", "looking ends after look 2, but ended is yes after none"),
         (1, "ended", "yes", "looking ends after look 2, but ended is yes after 1, 2"),
-        (2, "im_id", "7", "line 3: instance 0 is another object, image, gripper or grasp than in"),
+        (2, "im_id", "7", "line 3: instance 0 is another object, image or gripper than in"),
         (2, "instance", "-1", "line 3: instance is '-1', not a whole number"),
         (2, "verdict", "perhaps", "line 3: the verdict is 'perhaps'"),
     ],

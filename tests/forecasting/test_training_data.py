@@ -15,7 +15,8 @@ from graspcast.bop.results import Results
 from graspcast.errors import FormatError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates, align
 from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
-from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+from graspcast.forecasting.simulated_trials import SimulatedTrials
+from graspcast.forecasting.training_data import TrainingData
 from poses import random_poses, results_of
 
 NAMES = ("a", "b", "c")

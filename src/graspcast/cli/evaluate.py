@@ -134,7 +134,7 @@ def _benchmark(options: argparse.Namespace) -> tuple[Benchmark, Published]:
     """Read the published data, and one's own trials if there are any."""
     from graspcast.estimates.outcomes import read_all_outcomes
     from graspcast.evaluation.benchmark import Benchmark
-    from graspcast.forecasting.training_data import SimulatedTrials
+    from graspcast.forecasting.simulated_trials import SimulatedTrials
     from graspcast.paper.dataset import Published
 
     simulated = read_all_outcomes(options.outcomes) if options.outcomes else None

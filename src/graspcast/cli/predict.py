@@ -84,6 +84,13 @@ def add(verbs: Verbs) -> None:
         "further one is expected to help, the verdict is to look again, and from where (default: "
         "1, never); with --certificate or --stages, how many of the recorded ones may be used",
     )
+    _add_stages(verb)
+    _add_grasps(verb)
+    _add_transferred(verb)
+    add_out(verb, "the verdicts' CSV", others=("stages", "grasps_out"))
+
+
+def _add_stages(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--stages",
         metavar="FILE",
@@ -92,8 +99,23 @@ def add(verbs: Verbs) -> None:
         "verdicts after each look to this CSV, with the columns instance, looks and ended; --out "
         "then holds the verdicts at which looking ended",
     )
-    _add_transferred(verb)
-    add_out(verb, "the verdicts' CSV", others=("stages",))
+
+
+def _add_grasps(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument(
+        "--reachable",
+        metavar="FILE",
+        type=Path,
+        help="choose among the grasps that the robot can reach, one a row of this CSV (dataset, "
+        "scene_id, im_id, obj_id, est_id, grasp); an instance without a row reaches none",
+    )
+    verb.add_argument(
+        "--grasps-out",
+        metavar="FILE",
+        type=Path,
+        help="also write all grasps of each instance to this CSV, the best first, each with its "
+        "probability and the number of outcomes on which that rests",
+    )
 
 
 def _add_transferred(verb: argparse.ArgumentParser) -> None:
@@ -118,6 +140,7 @@ def _add_transferred(verb: argparse.ArgumentParser) -> None:
 def _predict(options: argparse.Namespace) -> None:
     from graspcast.forecasting.fallbacks import Fallbacks
     from graspcast.forecasting.forecaster import Forecaster
+    from graspcast.forecasting.grasp_file import read_reachable, write_grasps_of
     from graspcast.forecasting.recorded_looks import looks_with_views, verdicts_with_views
     from graspcast.forecasting.recorded_verdicts import one_view_notes
     from graspcast.forecasting.stage_file import write_stages
@@ -137,6 +160,7 @@ def _predict(options: argparse.Namespace) -> None:
         "threshold": 0.5 if options.threshold is None else options.threshold,
         "certificates": certificates,
         "ood_alpha": options.ood_alpha,
+        "reachable": None if options.reachable is None else read_reachable(options.reachable),
     }
     motions = motions_of(options, inputs)
     inputs.add_notes(one_view_notes(models, options.guide, views=bool(motions)))
@@ -152,6 +176,8 @@ def _predict(options: argparse.Namespace) -> None:
             rows = verdicts_with_views(*given, **how)
     else:
         rows = models.verdict_rows(inputs, explain=options.explain, **how)
+    if options.grasps_out is not None:
+        write_grasps_of(options.grasps_out, rows)
     write_verdicts(options.out, rows)
     warnings = (f"Warning: {text}." for model in models for text in model.card.warnings)
     note(*inputs.notes, *inputs.lengths, *warnings)

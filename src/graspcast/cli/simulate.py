@@ -16,6 +16,7 @@ from graspcast.cli.options import (
     inputs_of,
     new_verb,
     note_sizes,
+    positive,
 )
 from graspcast.cli.protocol_options import add_protocol, settings_of
 from graspcast.errors import InputError
@@ -64,12 +65,7 @@ def add(verbs: Verbs) -> None:
     verb.add_argument(
         "--seed", metavar="N", type=count, default=0, help="random seed of --transferred-errors"
     )
-    verb.add_argument(
-        "--grasps",
-        metavar="FILE",
-        type=Path,
-        help="reference grasps (TOML) besides the built-in ones",
-    )
+    _add_grasps(verb)
     verb.add_argument(
         "--catalogue", metavar="FILE", type=Path, help="objects (TOML) besides the built-in ones"
     )
@@ -84,6 +80,28 @@ def add(verbs: Verbs) -> None:
         "--address", metavar="URL", help="address of the Ray cluster, if it is not found"
     )
     add_out(verb, "directory of the campaign; an interrupted campaign is resumed", directory=True)
+
+
+def _add_grasps(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument(
+        "--grasps",
+        metavar="FILE",
+        type=Path,
+        help="reference grasps (TOML) besides the built-in ones",
+    )
+    verb.add_argument(
+        "--grasp",
+        metavar="NAME",
+        action="append",
+        default=[],
+        help="only grasps of this name; may be repeated (default: all)",
+    )
+    verb.add_argument(
+        "--max-grasps",
+        metavar="N",
+        type=positive,
+        help="at most this many grasps of each object and gripper, the first of the file",
+    )
 
 
 def _executor(options: argparse.Namespace) -> Executor:
@@ -172,7 +190,7 @@ def _simulate(options: argparse.Namespace) -> None:
         errors = PoseErrors.of_estimates(inputs.results, inputs.datasets)
     grippers = load_grippers(options.gripper)
     settings = {name: settings_of(options, gripper) for name, gripper in grippers.items()}
-    grasps = read_grasps(options.grasps)
+    grasps = read_grasps(options.grasps).limited(options.grasp, options.max_grasps)
     requests = _requests(options, inputs, errors, grasps, tuple(grippers))
     bop_dirs = {name: dataset.root for name, dataset in inputs.datasets.items()}
     catalogue = read_catalogue(options.catalogue)

@@ -193,13 +193,14 @@ def _train(options: argparse.Namespace) -> None:
     note(*(f"Warning: {text}." for text in card.warnings))
     write_json(options.json, {"card": card.as_dict()})
     simulated = f" ({len(card.simulated)} by simulation alone)" if card.simulated else ""
+    grasps = f" with {counted(len(card.targets), 'grasp')}" if card.grasps else ""
     together = f" with {', '.join(card.supporters)}" if card.supporters else " alone"
     seen = ", one view" if card.method == ALONE else ""
     seen = ", one or more views" if data.views is not None else seen
     more = "".join(f", {n} of {name}" for name, n in card.learned_from.items())
     print_text(
         f"{options.out}: {options.principal}{together}{seen}, {options.gripper} gripper, "
-        f"{counted(len(card.objects), 'object')}{simulated}, "
+        f"{counted(len(card.objects), 'object')}{simulated}{grasps}, "
         f"{counted(card.samples, 'sample')}{more}"
     )
 
@@ -208,14 +209,17 @@ def _scores(
     data: TrainingData, options: argparse.Namespace, settings: dict[str, Any], move: Progress
 ) -> dict[str, dict[str, Any]]:
     """Return cross-validated scores on unseen scenes, with several views too if there are any."""
+    from dataclasses import replace
+
     import numpy as np
 
     from graspcast.evaluation.cross_validation import cross_validate, cross_validated_with_views
     from graspcast.evaluation.scores import score
 
     how = {"folds": options.folds, "seed": options.seed, "progress": move, **settings}
-    if data.views is None:
-        return {"unseen_scenes": cross_validate(data, **how).as_dict()}
+    if data.views is None or data.others:
+        # With several grasps the scores are of the grasps that are chosen from one view.
+        return {"unseen_scenes": cross_validate(replace(data, views=None), **how).as_dict()}
     tried = data.tried()
     out = {}
     names = ("unseen_scenes", "unseen_scenes_views")
@@ -234,7 +238,8 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
     from graspcast.errors import InputError
     from graspcast.estimates.loading import load_outcomes
     from graspcast.forecasting.learned_loading import load_learned
-    from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+    from graspcast.forecasting.simulated_trials import SimulatedTrials
+    from graspcast.forecasting.training_data import TrainingData
     from graspcast.forecasting.view_data import fuse_for_training
 
     if not (options.outcomes or options.simulated):

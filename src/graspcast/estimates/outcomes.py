@@ -270,13 +270,18 @@ def success_of_each(
 
 
 def errors_of_each(
-    instances: Instances, outcomes: pl.DataFrame, estimator: str, gripper: str
+    instances: Instances,
+    outcomes: pl.DataFrame,
+    estimator: str,
+    gripper: str,
+    *,
+    grasp: str = REFERENCE_GRASP,
 ) -> Float[ndarray, "n 4 4"]:
     """Return the error that guided the trial of each instance, where the outcomes state it.
 
     Parameters
     ----------
-    instances, outcomes, estimator, gripper
+    instances, outcomes, estimator, gripper, grasp
         As for :func:`success_of_each`.
 
     Returns
@@ -286,7 +291,7 @@ def errors_of_each(
     out = np.full((len(instances), 4, 4), np.nan)
     if not set(ERROR_COLUMNS) <= set(outcomes.columns):
         return out
-    found = _joined(instances, outcomes, estimator, gripper, REFERENCE_GRASP)
+    found = _joined(instances, outcomes, estimator, gripper, grasp)
     numbers = found.select(pl.col(ERROR_COLUMNS).fill_null(float("nan"))).to_numpy()
     stated = np.isfinite(numbers).all(axis=1)
     out[stated] = _errors(numbers[stated])
@@ -305,7 +310,8 @@ def read_error_outcomes(
 
     Returns
     -------
-        ``object`` (``dataset-obj_id``), ``gripper``, ``success`` (bool); and ``obj_T_est``.
+        ``object`` (``dataset-obj_id``), ``gripper``, ``grasp``, ``success`` (bool); and
+        ``obj_T_est``.
 
     Raises
     ------
@@ -321,11 +327,14 @@ def read_error_outcomes(
             path,
             f"no column {', '.join(map(repr, missing))}; give a campaign of simulated trials",
         )
+    named = "grasp" in frame.columns
+    grasp = pl.col("grasp").cast(pl.String) if named else pl.lit(REFERENCE_GRASP).alias("grasp")
     try:
         numbers = frame.select(pl.col(name).cast(pl.Float64) for name in ERROR_COLUMNS).to_numpy()
         table = frame.select(
             pl.format("{}-{}", "dataset", "obj_id").alias("object"),
             pl.col("gripper").cast(pl.String),
+            grasp,
             pl.col("success").cast(pl.Boolean),
         )
     except pl.exceptions.PolarsError as error:

@@ -18,8 +18,10 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.image_split import frames_of, split_of
 from graspcast.estimates.instances import scene_groups
 from graspcast.estimates.matching import true_poses
+from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.evaluation.view_sets import BenchmarkViews
-from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+from graspcast.forecasting.simulated_trials import SimulatedTrials
+from graspcast.forecasting.training_data import TrainingData
 from graspcast.io.hashing import sha256
 from graspcast.paper.dataset import Published
 
@@ -74,7 +76,13 @@ class Benchmark:
         simulated: pl.DataFrame | None = None,
         transferred: Mapping[str, SimulatedTrials] | None = None,
     ) -> Benchmark:
-        """Build the benchmark from the published data, and optionally one's own trials."""
+        """Build the benchmark from the published data, and optionally one's own trials.
+
+        Of one's own trials those of reference grasps count, as the published ones are of one grasp
+        of each object.
+        """
+        if simulated is not None and "grasp" in simulated.columns:
+            simulated = simulated.filter(pl.col("grasp") == REFERENCE_GRASP)
         estimates = data.estimates
         frames = frames_of({name: dataset.ground_truth for name, dataset in data.bop.items()})
         split = split_of(estimates.dataset, estimates.scene_id, estimates.im_id, frames)

@@ -107,7 +107,8 @@ def certify_forecaster(
         Whose forecasts are certified.
     data
         Calibration data: instances of scenes that were not used in training, of the forecaster's
-        principal and gripper. Those without an outcome are left out.
+        principal and gripper. Those without an outcome of the grasp that the verdict chooses are
+        left out.
     rate, confidence, weight, simultaneous, other_guarantees, seed
         As for :func:`graspcast.certify`.
     unit
@@ -130,9 +131,9 @@ def certify_forecaster(
 
     Returns
     -------
-        Its provenance states the model's digest, ``ood_alpha``, principal, gripper, kind of unit,
-        versions, and ``training_scenes``: how many of the calibration scenes the model was trained
-        on, None if it does not state its training scenes.
+        Its provenance states the model's digest, ``ood_alpha``, principal, gripper, grasp (with
+        several, the names of all), kind of unit, versions, and ``training_scenes``: how many of the
+        calibration scenes the model was trained on, None if it does not state its training scenes.
 
     Raises
     ------
@@ -160,11 +161,18 @@ def certify_forecaster(
     training_scenes = check_scenes(forecaster.card, instances, allow_training_scenes)
     # The verdicts decide what can be an attempt.
     verdicts = forecaster.verdicts(data.estimates, models, threshold=1.0, ood_alpha=ood_alpha)
-    trials = CalibrationTrials(
-        instances,
-        np.array([[v.probability if v.may_attempt else np.nan] for v in verdicts], dtype=float),
-        (data.own_success == 1)[:, None],
-    )
+    p = np.array([v.probability if v.may_attempt else np.nan for v in verdicts], dtype=float)
+    success = data.outcome_of([verdict.grasp for verdict in verdicts])
+    known = ~np.isnan(success) | np.isnan(p)  # what is never attempted needs no outcome
+    if not known.any():
+        raise MismatchError(
+            "no instance has an outcome of the grasp that its verdict chooses: give outcomes of "
+            "all grasps that the model knows",
+            parameters=("outcomes",),
+        )
+    instances = instances.select(known)
+    trials = CalibrationTrials(instances, p[known, None], (success == 1)[known, None])
+    more = {"without_outcome": int((~known).sum())} if forecaster.card.grasps else {}
     out_of_fold = getattr(forecaster.predictor, "out_of_fold", None)
     learned = None
     if not sequence_share and out_of_fold is not None:
@@ -177,7 +185,8 @@ def certify_forecaster(
             confidence=confidence,
             weight=weight,
         )
-    return certify_trials(forecaster.card, trials, asked, training_scenes, sequence=learned)
+    card = forecaster.card
+    return certify_trials(card, trials, asked, training_scenes, sequence=learned, provenance=more)
 
 
 def certify_trials(
@@ -231,7 +240,7 @@ def certify_trials(
             "ood_alpha": asked.ood_alpha,
             "principal": card.principal,
             "gripper": card.gripper,
-            "grasp": REFERENCE_GRASP,
+            "grasp": _grasps(card),
             "datasets": sorted({str(name) for name in trials.instances.dataset}),
             "unit": asked.unit,
             "training_scenes": training_scenes,
@@ -240,6 +249,13 @@ def certify_trials(
         },
         **target,
     )
+
+
+def _grasps(card: ModelCard) -> str | list[str]:
+    """Return the name of the one grasp that is certified, or those among which is chosen."""
+    if not card.grasps:
+        return REFERENCE_GRASP
+    return sorted({name for some in card.grasps.values() for name in some})
 
 
 def check_scenes(card: ModelCard, instances: Instances, allowed: bool) -> int | None:

@@ -19,7 +19,7 @@ from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.splits import by_group, by_object
 from graspcast.forecasting.train import fit_forecaster
 from graspcast.forecasting.training_data import TrainingData
-from graspcast.forecasting.view_verdicts import view_probabilities
+from graspcast.forecasting.view_rankings import view_probabilities
 from graspcast.io.arguments import a, checked
 from graspcast.io.progress import Progress, step_of
 
@@ -32,6 +32,9 @@ __all__ = [
 
 SCORED_VIEWS = 3
 """From at most how many views the instances are forecast that scores with views are of."""
+
+
+_ONE_WITH_VIEWS = "forecasts with several views are cross-validated for the reference grasp alone"
 
 
 def cross_validated(
@@ -64,23 +67,44 @@ def cross_validated(
     Returns
     -------
         Out-of-fold probabilities of ``training_data.tried()``, in its order; NaN where, by scene,
-        the object was not in training.
+        the object was not in training. Where objects have several grasps, they are of the grasp
+        that would be chosen.
 
     Raises
     ------
     InputError
-        If, by object, fewer than two objects have outcomes.
+        If, by object, fewer than two objects have outcomes; or they have several grasps, none of
+        which an unseen object shares.
     """
+    how: dict[str, Any] = {"by": by, "folds": folds, "seed": seed, "progress": progress}
+    return _choices(training_data, **how, **options)[0]
+
+
+def _choices(
+    training_data: TrainingData, *, by: Literal["scene", "object"] = "scene", **options: Any
+) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+    """Return out-of-fold probabilities, and the outcomes of the grasps that they are of."""
     tried = training_data.tried()
-    probability = np.full(len(tried), np.nan)
-    for test, forecaster in _folds(
-        training_data, tried, by=by, folds=folds, seed=seed, progress=progress, **options
-    ):
-        if forecaster.card.supporters or forecaster.visibility is not None:
+    if by == "object":
+        training_data.refuse_several(
+            "objects that are not in training are scored by their one grasp", "unseen_objects"
+        )
+    probability, success = np.full(len(tried), np.nan), tried.own_success.copy()
+    for test, forecaster in _folds(training_data, tried, by=by, **options):
+        if not (forecaster.card.supporters or forecaster.visibility is not None):
+            continue
+        asked, models = tried.select(test), options.get("models")
+        if not training_data.others:
             probability[test] = forecaster.probability(
-                tried.estimates.select(test), options.get("models"), unseen_objects=by == "object"
+                asked.estimates, models, unseen_objects=by == "object"
             )
-    return probability
+            continue
+        ranked = forecaster.rank(asked.estimates, models)
+        names = [some[0].grasp if some else "" for some in ranked]
+        success[test] = asked.outcome_of(names)
+        found = np.array([some[0].probability if some else np.nan for some in ranked])
+        probability[test] = np.where(np.isnan(success[test]), np.nan, found)
+    return probability, success
 
 
 def cross_validated_with_views(
@@ -105,7 +129,13 @@ def cross_validated_with_views(
         Out-of-fold probabilities of ``training_data.tried()`` from one view (NaN where there is no
         forecast from one), and from two or three (NaN where there are no other views); each guided
         by the principal's single view.
+
+    Raises
+    ------
+    InputError
+        If objects have several grasps.
     """
+    training_data.refuse_several(_ONE_WITH_VIEWS)
     tried = training_data.tried()
     single, several = np.full(len(tried), np.nan), np.full(len(tried), np.nan)
     models = options.get("models")
@@ -146,7 +176,13 @@ def cross_validated_by_views(
         Number of views at most to out-of-fold probabilities of ``training_data.tried()``, guided by
         the principal's single view; NaN where fewer than two views are left, or the object was not
         in training.
+
+    Raises
+    ------
+    InputError
+        If objects have several grasps.
     """
+    training_data.refuse_several(_ONE_WITH_VIEWS)
     tried = training_data.tried()
     out = {most: np.full(len(tried), np.nan) for most in views}
     for test, forecaster in _folds(
@@ -188,9 +224,9 @@ def _folds(
     tried: TrainingData,
     *,
     by: Literal["scene", "object"],
-    folds: int,
-    seed: int,
-    progress: Progress | None,
+    folds: int = 5,
+    seed: int = 0,
+    progress: Progress | None = None,
     **options: Any,
 ) -> Iterator[tuple[Int[ndarray, " m"], Forecaster]]:
     """Yield the tested rows of each fold, and the forecaster trained without them."""
@@ -199,7 +235,8 @@ def _folds(
     if by == "scene":
         groups = scene_groups(training_data.estimates.instances)
         own = groups[training_data.is_tried]
-        parts = list(by_group(own, tried.objects, tried.own_success == 1, folds=folds, seed=seed))
+        held = (tried.own_outcomes == 1).any(axis=0)
+        parts = list(by_group(own, tried.objects, held, folds=folds, seed=seed))
     else:
         needed = set(training_data.estimates.estimators).difference(options.get("learn_from", ()))
         if len(needed) < 2:
@@ -238,7 +275,7 @@ def cross_validate(training_data: TrainingData, **options: Any) -> Scores:
     options
         Those of :func:`cross_validated`.
     """
-    tried = training_data.tried()
-    probability = cross_validated(training_data, **options)
+    probability, success = _choices(training_data, **options)
     scored = ~np.isnan(probability)
-    return score(probability[scored], tried.own_success[scored] == 1, tried.objects[scored])
+    objects = training_data.tried().objects
+    return score(probability[scored], success[scored] == 1, objects[scored])

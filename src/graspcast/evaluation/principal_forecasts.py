@@ -59,7 +59,7 @@ def principal_training_data(
         estimates = inputs.estimates(name)
         truth = inputs.truth(estimates, name) if with_truth else None
         try:
-            data = TrainingData.join(estimates, outcomes, name, gripper, truth=truth)
+            data = TrainingData.join(estimates, outcomes, name, gripper, truth=truth).of_grasp()
         except MismatchError as error:
             inputs.notes.append(f"{error}: it is only a supporter")
             continue

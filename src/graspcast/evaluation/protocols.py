@@ -20,8 +20,9 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.evaluation.benchmark import Benchmark
 from graspcast.evaluation.predictions import Forecasts
 from graspcast.evaluation.view_sets import BenchmarkViews
+from graspcast.forecasting.simulated_trials import SimulatedTrials
 from graspcast.forecasting.splits import by_group
-from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+from graspcast.forecasting.training_data import TrainingData
 from graspcast.io.progress import Progress, step_of
 from graspcast.paper.published_split import published_part
 

@@ -121,7 +121,8 @@ def score_verdicts(
     outcomes = checked_outcomes(outcomes)
     for column in ("estimator", "dataset", "gripper", "grasp"):
         known = outcomes[column].unique().sort().to_list()
-        for name in table[column].unique().sort():
+        asked = table if column != "grasp" else table.drop_nulls("probability")
+        for name in asked[column].unique().sort():
             if name not in known:
                 raise UnknownNameError(column, name, known, hint="These have outcomes")
     both = with_outcomes(verdicts, outcomes)

@@ -20,7 +20,8 @@ from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.train import fit_forecaster
 from graspcast.forecasting.training_data import TrainingData
-from graspcast.forecasting.view_verdicts import FUSED, view_probabilities
+from graspcast.forecasting.view_rankings import view_probabilities
+from graspcast.forecasting.view_verdicts import FUSED
 from graspcast.io.progress import Progress, step_of
 
 __all__ = [

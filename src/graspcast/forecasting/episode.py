@@ -6,7 +6,7 @@ the one before.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from jaxtyping import Float
@@ -115,6 +115,7 @@ class Episode:
         time_s: float | None = None,
         score: float | None = None,
         image_fit: Features | None = None,
+        reachable: Collection[str] | None = None,
     ) -> EpisodeVerdict:
         """Take a further look at the object.
 
@@ -127,6 +128,8 @@ class Episode:
             As for :meth:`Episodes.look`.
         score, image_fit
             Of a single estimator's pose, as for :meth:`Forecaster.predict`.
+        reachable
+            Names of the grasps that the robot can reach from here; all if None.
 
         Raises
         ------
@@ -134,7 +137,8 @@ class Episode:
             As :meth:`Episodes.look`. The look then does not count.
         """
         named = {name: {self.object_name: pose} for name, pose in poses.items()}
-        taken = self._scene.take_look(named, world_T_cam, K, time_s, seen_of(score, image_fit))
+        seen = seen_of(score, image_fit)
+        taken = self._scene.take_look(named, world_T_cam, K, time_s, seen, reachable)
         return taken.verdicts[0] if taken.verdicts else self._nothing(taken)
 
     def _nothing(self, taken: Taken) -> EpisodeVerdict:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from graspcast.forecasting.grasp_ranking import GraspForecast
 from graspcast.forecasting.verdict import Verdict, VerdictRow
 from graspcast.pose.transforms import compose, invert
 from graspcast.views.look import Look
@@ -73,6 +74,16 @@ class EpisodeVerdict:
     def probability(self) -> float | None:
         """The probability of success; None where there is no forecast."""
         return self.verdict.probability
+
+    @property
+    def grasp(self) -> str:
+        """The grasp's name (:attr:`Verdict.grasp`)."""
+        return self.verdict.grasp
+
+    @property
+    def grasps(self) -> tuple[GraspForecast, ...]:
+        """The forecasts of all grasps that can be chosen (:attr:`Verdict.grasps`)."""
+        return self.verdict.grasps
 
     @property
     def reason(self) -> str:

@@ -20,6 +20,7 @@ from graspcast.errors import UnknownNameError
 from graspcast.forecasting.episode_options import decision_options
 from graspcast.forecasting.episode_verdict import EpisodeVerdict
 from graspcast.forecasting.forecaster import Forecaster
+from graspcast.forecasting.grasp_ranking import Reachable, refuse_mask
 from graspcast.forecasting.look_again import MIN_GAIN
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import Verdict, VerdictRow
@@ -145,7 +146,7 @@ class Episodes:
         )
         self.forecaster, self.dataset, self.models = forecaster, dataset, models
         self.max_looks, self.max_views = int(max_looks), int(max_views)
-        self._noise = noise
+        self._noise, self._certified = noise, certificate is not None
         # Whose estimates are the instances: the guide's, or those of one that may guide.
         names = (self._options["guide"], *forecaster.guides, *forecaster.card.estimators)
         self._order = [n for n in dict.fromkeys(names) if n in forecaster.card.estimators]
@@ -168,6 +169,7 @@ class Episodes:
         K: Float[ndarray, "3 3"] | None = None,
         *,
         time_s: float | None = None,
+        reachable: Reachable | None = None,
     ) -> list[EpisodeVerdict]:
         """Take a further look at the scene.
 
@@ -181,6 +183,8 @@ class Episodes:
             Intrinsics in pixels; they are checked, and may differ between looks.
         time_s
             When it was, seconds; it should increase.
+        reachable
+            As for :meth:`Forecaster.rank`, from here; :attr:`EpisodeVerdict.grasps` ranks them.
 
         Returns
         -------
@@ -189,19 +193,29 @@ class Episodes:
         Raises
         ------
         UnknownNameError
-            For an estimator that the forecaster was not trained with.
+            For an estimator that the forecaster was not trained with, or a grasp that it does not
+            know.
         InputError, MismatchError
-            As :func:`~graspcast.views.looks.fuse_looks`. The look then does not count.
+            As :func:`~graspcast.views.looks.fuse_looks`, and for what is reachable beside a
+            certificate. The look then does not count.
         """
-        return self.take_look(results, world_T_cam, K, time_s).verdicts
+        return self.take_look(results, world_T_cam, K, time_s, reachable=reachable).verdicts
 
     def take_look(
-        self, estimates: Mapping[str, Any], world_T_cam: Any, K: Any, time_s: Any, seen: Any = None
+        self,
+        estimates: Mapping[str, Any],
+        world_T_cam: Any,
+        K: Any,
+        time_s: Any,
+        seen: Any = None,
+        reachable: Reachable | None = None,
     ) -> Taken:
         """Take a further look, as :meth:`look` does, and return all that is known after it."""
         names = self.forecaster.card.estimators
         if unknown := [name for name in estimates if name not in names]:
             raise UnknownNameError("estimator", unknown[0], names, parameters=("estimates",))
+        if self._certified:
+            refuse_mask(reachable)
         complete = {name: estimates.get(name, {}) for name in names}
         look = Look(complete, world_T_cam, K, time_s, seen)
         with self._lock:
@@ -215,12 +229,18 @@ class Episodes:
                 max_views=self.max_views,
             )
             tracks, count = self._tracks.copy(), self._count + 1
-            out = [v for part in fused for v in self._verdicts(part, look, tracks, count)]
+            given = look, tracks, count, reachable
+            out = [v for part in fused for v in self._verdicts(part, *given)]
             self._looks, self._tracks, self._count = looks, tracks, count
         return Taken(sorted(out, key=lambda v: v.instance), looks, tracks, count)
 
     def _verdicts(
-        self, fused: FusedEstimates, look: Look, tracks: Tracks, count: int
+        self,
+        fused: FusedEstimates,
+        look: Look,
+        tracks: Tracks,
+        count: int,
+        reachable: Reachable | None,
     ) -> list[EpisodeVerdict]:
         """Judge the instances of one principal, and number them."""
         world_T_cam = look.world_T_cam
@@ -231,7 +251,8 @@ class Episodes:
             left_out = [ONE_VIEW] if several else []
         shared = tuple(dict.fromkeys((*fused.notes, *left_out)))
         out = []
-        for row, n, doubt in zip(self._rows(fused, look, count), numbers, doubts, strict=True):
+        rows = self._rows(fused, look, count, reachable)
+        for row, n, doubt in zip(rows, numbers, doubts, strict=True):
             pose = row.cam_T_obj
             verdict = EpisodeVerdict(
                 instance=n,
@@ -248,7 +269,9 @@ class Episodes:
             out.append(verdict)
         return out
 
-    def _rows(self, fused: FusedEstimates, look: Look, count: int) -> list[VerdictRow]:
+    def _rows(
+        self, fused: FusedEstimates, look: Look, count: int, reachable: Reachable | None
+    ) -> list[VerdictRow]:
         keys, known = fused.instances, set(self.forecaster.card.objects)
         if not known.intersection(keys.objects.tolist()):
             return [
@@ -268,5 +291,11 @@ class Episodes:
         most = self.max_looks if count < self.max_looks else 1
         seen = None if look.seen is None else {name: v[0] for name, v in look.seen.items()}
         return self.forecaster.judge(
-            fused, self.models, max_looks=most, motion=motion, seen=seen, **self._options
+            fused,
+            self.models,
+            max_looks=most,
+            motion=motion,
+            seen=seen,
+            reachable=reachable,
+            **self._options,
         )

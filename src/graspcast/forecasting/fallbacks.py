@@ -19,6 +19,7 @@ from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.forecaster import Forecaster
+from graspcast.forecasting.grasp_ranking import Reachable, refuse_mask
 from graspcast.forecasting.model_card import ModelCard
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import Verdict, VerdictRow, verdict_rows
@@ -94,6 +95,7 @@ class Fallbacks:
         certificates: Sequence[Certificate] = (),
         ood_alpha: float = OOD_ALPHA,
         explain: bool = False,
+        reachable: Reachable | None = None,
     ) -> list[VerdictRow]:
         """Return a verdict on every instance of the principal's, ordered by key.
 
@@ -109,6 +111,8 @@ class Fallbacks:
             Abstain where the p-value of a disagreement is this or less.
         explain
             Whether each reason says which features moved the probability most.
+        reachable
+            As for :meth:`Forecaster.rank`.
 
         Raises
         ------
@@ -130,6 +134,7 @@ class Fallbacks:
             least: float | None = threshold
             guarantee = None
             if certificates:
+                refuse_mask(reachable)
                 overall = certificate_of(forecaster, certificates, ood_alpha).overall
                 least, guarantee = overall.threshold, str(overall)
             verdicts = forecaster.verdicts(
@@ -139,6 +144,7 @@ class Fallbacks:
                 guarantee=guarantee,
                 ood_alpha=ood_alpha,
                 explain=explain,
+                reachable=reachable,
             )
             if len(usable) > 1:
                 verdicts = [_with_names(given, forecaster) for given in verdicts]

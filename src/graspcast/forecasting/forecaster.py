@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Any
@@ -17,6 +17,10 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.forecasting.attribution import attributions
 from graspcast.forecasting.features import Features, features_of
 from graspcast.forecasting.frame_verdicts import predict_frame as _predict_frame
+from graspcast.forecasting.grasp_ranking import Reachable
+from graspcast.forecasting.grasps_of_instances import rank as _rank
+from graspcast.forecasting.grasps_of_instances import ranking_of as _ranking_of
+from graspcast.forecasting.grasps_of_instances import rankings as _rankings
 from graspcast.forecasting.model_card import ONE_VIEW_FEATURES, ModelCard
 from graspcast.forecasting.model_file import read_model, write_model
 from graspcast.forecasting.models.base import Predictor
@@ -64,6 +68,7 @@ class Forecaster:
 
     warm_up = _warm_up
     predict_frame = _predict_frame
+    rank = _rank
     judge = _judge
     _decide = _decide_sane
 
@@ -118,8 +123,11 @@ class Forecaster:
         models: Mapping[str, Models] | None = None,
         *,
         unseen_objects: bool = False,
+        grasp: str | None = None,
     ) -> Float[ndarray, " n"]:
         """Forecast the probability of success of every instance.
+
+        Where the forecaster knows several grasps, it is that of the best (:meth:`rank`).
 
         Parameters
         ----------
@@ -129,6 +137,8 @@ class Forecaster:
             Dataset's name to its object models, if :attr:`needs_models`.
         unseen_objects
             Also forecast objects that are not in training, if the method can.
+        grasp
+            Of this grasp instead of the best.
 
         Returns
         -------
@@ -139,18 +149,11 @@ class Forecaster:
         ------
         MismatchError
             For other estimators or objects than it was trained for, or objects of other sizes.
+        UnknownNameError
+            For a grasp that it does not know.
         """
-        problems = self._pose_problems(estimates, models)
-        if not any(problems):
-            found, numbers = self._inputs(estimates, models, unseen_objects)
-            return self.predictor.probability(found.values, numbers)
-        self.card.numbers_of(estimates.objects.tolist(), unseen_objects)
-        sane = sane_of(problems)
-        out = np.full(len(estimates), np.nan)
-        if sane.any():
-            found, numbers = self._inputs(estimates.select(sane), models, unseen_objects)
-            out[sane] = self.predictor.probability(found.values, numbers)
-        return out
+        one = None if grasp is None else (lambda key: (grasp,))
+        return _rankings(self, estimates, models, one, unseen_objects).probability
 
     def p_value(self, estimates: Estimates) -> Float[ndarray, " n"]:
         """Compute the novelty p-value of every instance (:mod:`graspcast.forecasting.novelty`).
@@ -207,8 +210,11 @@ class Forecaster:
         self.card.numbers_of(estimates.objects.tolist())
         if not (sane := sane_of(problems)).any():
             return [() for _ in problems]
-        inputs = self._inputs(estimates.select(sane), models)
-        found = iter(attributions(self.predictor, *inputs, self.typical))
+        some = estimates.select(sane)
+        inputs, numbers = self._inputs(some, models)
+        if self.card.grasps:
+            numbers = _ranking_of(self, inputs, some, numbers, None).targets
+        found = iter(attributions(self.predictor, inputs, numbers, self.typical))
         return [() if why else next(found) for why in problems]
 
     def verdicts(
@@ -220,11 +226,12 @@ class Forecaster:
         guarantee: str | None = None,
         ood_alpha: float = OOD_ALPHA,
         explain: bool = False,
+        reachable: Reachable | None = None,
     ) -> list[Verdict]:
         """Decide on every instance: attempt the grasp, or abstain.
 
         Abstain where the pose by some estimator is not sane (:mod:`graspcast.pose.sanity`), and
-        from objects that are not in training.
+        from objects that are not in training. Of several grasps the verdict is on the best.
 
         Parameters
         ----------
@@ -239,16 +246,20 @@ class Forecaster:
             larger than in training is always abstained from.
         explain
             Add attributions (see :meth:`explain`).
+        reachable
+            As for :meth:`rank`; abstain where nothing is reachable.
 
         Raises
         ------
         MismatchError
             For other estimators than it was trained for, if it was trained for none of the
             objects, or if objects have other sizes than in training.
+        UnknownNameError
+            For a reachable grasp that it does not know.
         """
         problems = self._problems(estimates, models)
         options: dict[str, Any] = {"threshold": threshold, "guarantee": guarantee}
-        options |= {"ood_alpha": ood_alpha, "explain": explain}
+        options |= {"ood_alpha": ood_alpha, "explain": explain, "reachable": reachable}
         if not any(problems):
             return self._decide(estimates, models, **options)
         sane = sane_of(problems)
@@ -277,7 +288,8 @@ class Forecaster:
         if self.card.supporters:
             return found
         numbers = self.card.numbers_of(estimates.objects.tolist(), unseen=True)
-        alone = alone_problems(self.visibility, estimates.objects, numbers)
+        tried = None if self.visibility is None else self.card.targets.any_of(self.visibility.tried)
+        alone = alone_problems(tried, estimates.objects, numbers)
         return [why or other for why, other in zip(found, alone, strict=True)]
 
     def predict(
@@ -291,6 +303,7 @@ class Forecaster:
         explain: bool = False,
         score: float | None = None,
         image_fit: Features | None = None,
+        reachable: Collection[str] | None = None,
     ) -> Verdict:
         """Decide on one instance: attempt the grasp, or abstain.
 
@@ -312,6 +325,9 @@ class Forecaster:
             Of a single estimator's pose, if known
             (:attr:`graspcast.rendering.image_fit.ImageFit.features`); with supporters neither
             makes a difference.
+        reachable
+            Names of the grasps that the robot can reach; all if None. The verdict is on the best of
+            them, and :attr:`Verdict.grasps` ranks them.
 
         Raises
         ------
@@ -319,6 +335,8 @@ class Forecaster:
             For other estimators or objects than it was trained for, or an object of another size.
         InputError
             For what is not a 4x4 matrix of numbers, or a threshold outside [0, 1].
+        UnknownNameError
+            For a reachable grasp that it does not know.
         """
         check_threshold(threshold)
         self.card.check_estimators(poses)
@@ -335,6 +353,7 @@ class Forecaster:
             guarantee=None,
             ood_alpha=ood_alpha,
             explain=explain,
+            reachable=reachable,
         )
         return verdict
 

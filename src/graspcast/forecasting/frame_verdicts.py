@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
 from graspcast.estimates.alignment import align
+from graspcast.forecasting.grasp_ranking import Reachable
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import Verdict, VerdictRow, check_threshold, verdict_rows
 
@@ -26,6 +27,7 @@ def predict_frame(
     models: Mapping[str, Models] | None = None,
     ood_alpha: float = OOD_ALPHA,
     explain: bool = False,
+    reachable: Reachable | None = None,
 ) -> list[VerdictRow]:
     """Decide on every instance that the principal found in an image, or in several.
 
@@ -38,6 +40,8 @@ def predict_frame(
         The dataset's name, as in training.
     threshold, models, ood_alpha, explain
         As for :meth:`predict`.
+    reachable
+        As for :meth:`rank`.
 
     Returns
     -------
@@ -60,6 +64,11 @@ def predict_frame(
     verdicts: list[Verdict] = []
     if len(estimates):
         verdicts = forecaster.verdicts(
-            estimates, models, threshold=threshold, ood_alpha=ood_alpha, explain=explain
+            estimates,
+            models,
+            threshold=threshold,
+            ood_alpha=ood_alpha,
+            explain=explain,
+            reachable=reachable,
         )
     return verdict_rows(estimates, verdicts, principal=card.principal, gripper=card.gripper)

@@ -12,7 +12,8 @@ from graspcast.errors import MismatchError
 from graspcast.estimates.loading import Inputs
 from graspcast.estimates.outcomes import checked_outcomes
 from graspcast.forecasting.learned_outcomes import LearnedOutcomes, check_names
-from graspcast.forecasting.training_data import TrainingData, outcomes_of
+from graspcast.forecasting.outcome_joining import outcomes_of
+from graspcast.forecasting.training_data import ONE_GRASP, TrainingData
 
 __all__ = ["load_learned"]
 
@@ -54,6 +55,7 @@ def load_learned(
             f"nothing can be learned from {', '.join(names)} without outcomes of their grasps",
             parameters=("learn_from", "outcomes"),
         )
+    data.refuse_several(ONE_GRASP, "learn_from")
     table = checked_outcomes(outcomes)
     number = {key: i for i, key in enumerate(data.estimates.instances.to_keys())}
     wanted = tuple(sorted(set(names)))

@@ -8,7 +8,7 @@ so the expected probability is that of a grasp guided by the pose fused with the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,9 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.forecasting.models.blend import Blend
+from graspcast.forecasting.models.calibration import calibrated
 from graspcast.pose.ray_frame import error_along, obj_R_ray, ray_frame
 from graspcast.pose.transforms import norms
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
@@ -38,6 +40,7 @@ def looks_for(
     fused: FusedEstimates,
     rows: Int[ndarray, " m"],
     statistics: Float[ndarray, "m d"],
+    grasps: Sequence[str] | None = None,
     *,
     motion: CameraMotion | None = None,
     noise: CameraNoise | None = None,
@@ -54,6 +57,8 @@ def looks_for(
         Numbers of the instances.
     statistics
         Of their fusions.
+    grasps
+        Names of the grasps; the reference grasps if None.
     motion
         Camera poses, for directions in the world's frame.
     noise
@@ -74,7 +79,7 @@ def looks_for(
     if forecaster.view_model is None:
         return found
     direction = np.stack([look.direction for look in found]) if found else np.empty((0, 3))
-    expected = expected_after(forecaster, fused, rows, statistics, direction, noise=noise)
+    expected = expected_after(forecaster, fused, rows, statistics, direction, grasps, noise=noise)
     return [
         replace(look, expected_probability=None if np.isnan(p) else p)
         for look, p in zip(found, expected.tolist(), strict=True)
@@ -87,6 +92,7 @@ def expected_after(
     rows: Int[ndarray, " m"],
     statistics: Float[ndarray, "m d"],
     direction: Float[ndarray, "m 3"],
+    grasps: Sequence[str] | None = None,
     *,
     noise: CameraNoise | None = None,
 ) -> Float[ndarray, " m"]:
@@ -94,7 +100,7 @@ def expected_after(
 
     Parameters
     ----------
-    forecaster, fused, rows, statistics, noise
+    forecaster, fused, rows, statistics, grasps, noise
         As for :func:`looks_for`.
     direction
         From the objects to the camera of the further look, unit vectors in the camera's frame.
@@ -107,7 +113,14 @@ def expected_after(
     assert isinstance(blend, Blend) and blend.views is not None
     out = np.full(len(rows), np.nan)
     objects = fused.instances.select(rows).objects.tolist()
-    numbers = forecaster.card.numbers_of(objects, unseen=True)
+    card = forecaster.card
+    names = [REFERENCE_GRASP] * len(rows) if grasps is None else grasps
+    # Where there was no forecast, and so no grasp was chosen, it is the first that is known.
+    pairs = [
+        (o, g if g in (k := card.grasps_of(o)) else k[0])
+        for o, g in zip(objects, names, strict=True)
+    ]
+    numbers = np.array([int(card.targets.numbers([o], g)[0]) for o, g in pairs], dtype=np.int64)
     mine = np.flatnonzero((numbers >= 0) & blend.known[numbers])
     if blend.success_given_error is None or not len(mine):
         return out
@@ -125,7 +138,11 @@ def expected_after(
     success = blend.success_given_error.probability(
         errors.reshape(-1, 4, 4), np.repeat(numbers[mine], _DRAWS)
     )
-    out[mine] = blend.views.calibrated(success.reshape(len(mine), _DRAWS).mean(axis=1))
+    expected = blend.views.calibrated(success.reshape(len(mine), _DRAWS).mean(axis=1))
+    if (choice := blend.views.choice) is not None:
+        several = [len(card.grasps_of(objects[i])) > 1 for i in mine.tolist()]
+        expected = np.where(several, calibrated(expected, choice), expected)
+    out[mine] = expected
     return out
 
 

@@ -14,6 +14,7 @@ from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.instances import Instances
 from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.forecaster import Forecaster
+from graspcast.forecasting.grasp_ranking import Reachable
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.recorded_verdicts import ViewSettings, judge_recorded
 from graspcast.forecasting.verdict import InstanceLooks, VerdictRow
@@ -109,6 +110,7 @@ def run_policy(
     threshold: float | None = 0.5,
     guarantee: str | None = None,
     ood_alpha: float = OOD_ALPHA,
+    reachable: Reachable | None = None,
 ) -> PolicyRun:
     """Run the look-again policy over the recorded images of one dataset.
 
@@ -129,7 +131,7 @@ def run_policy(
         Its camera motion.
     settings
         The policy. ``max_views`` is not used: a stage has as many views as looks.
-    threshold, guarantee, ood_alpha
+    threshold, guarantee, ood_alpha, reachable
         As for :meth:`Forecaster.judge`.
 
     Raises
@@ -151,7 +153,8 @@ def run_policy(
         raise MismatchError("further looks need camera poses", parameters=("camera_poses",))
     stages: list[list[VerdictRow]] = []
     taken: list[ndarray] = []
-    options = {"threshold": threshold, "guarantee": guarantee, "ood_alpha": ood_alpha}
+    options: dict[str, Any] = {"threshold": threshold, "guarantee": guarantee}
+    options |= {"ood_alpha": ood_alpha, "reachable": reachable}
     for looks in range(1, settings.max_looks + 1):
         stage = replace(settings, max_views=looks)
         parts = judge_recorded(forecaster, inputs, dataset, motion, stage, **options)

@@ -13,7 +13,9 @@ from numpy import ndarray
 
 from graspcast.errors import MismatchError
 from graspcast.estimates.alignment import Estimates
+from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.forecasting.models.encoding import UNSEEN
+from graspcast.forecasting.models.targets import Targets
 from graspcast.io.hashing import canonical_json, sha256
 
 __all__ = ["ONE_VIEW_FEATURES", "ModelCard", "digest_of"]
@@ -66,6 +68,9 @@ class ModelCard:
     learned_from
         Estimators that it does not need, from whose grasps success given error was learned too, and
         how many outcomes of each.
+    grasps
+        Object's name to the names of its grasps, and on how many outcomes the forecasts of each
+        rest; empty where objects have the reference grasp alone.
     """
 
     principal: str
@@ -87,6 +92,29 @@ class ModelCard:
     warnings: tuple[str, ...] = ()
     views: dict[str, Any] = field(default_factory=dict)
     learned_from: dict[str, int] = field(default_factory=dict)
+    grasps: dict[str, dict[str, int]] = field(default_factory=dict)
+
+    @cached_property
+    def targets(self) -> Targets:
+        """The grasps of each object that it can forecast, numbered."""
+        if not self.grasps:
+            return Targets.of_objects(self.objects)
+        return Targets(self.objects, tuple(tuple(sorted(self.grasps[o])) for o in self.objects))
+
+    @cached_property
+    def grasp_facts(self) -> tuple[tuple[str, int], ...]:
+        """Name of each target's grasp, and on how many outcomes it rests (0 if not stated)."""
+        pairs = zip(self.targets.objects, self.targets.grasps, strict=True)
+        return tuple(
+            (grasp, self.grasps[name][grasp] if self.grasps else 0)
+            for name, grasps in pairs
+            for grasp in grasps
+        )
+
+    def grasps_of(self, name: str) -> tuple[str, ...]:
+        """Return the names of an object's grasps, sorted; the reference grasp's if unknown."""
+        number = self._number.get(name)
+        return (REFERENCE_GRASP,) if number is None else self.targets.grasps[number]
 
     @property
     def estimators(self) -> tuple[str, ...]:
@@ -155,32 +183,35 @@ class ModelCard:
             Naming the entry that is missing, unknown or wrong.
         """
         known = [f.name for f in fields(cls)]
-        content = {_LATER: {}, **content}
+        content = {**{key: {} for key in _LATER}, **content}
         if set(content) != set(known):
             odd = ", ".join(sorted(set(content) ^ set(known)))
             raise ValueError(f"a model card has {', '.join(known)}; missing or unknown: {odd}")
         values = {f.name: _entry(f.name, str(f.type), content[f.name]) for f in fields(cls)}
+        if values["grasps"] and sorted(values["grasps"]) != sorted(values["objects"]):
+            raise ValueError("the card's grasps are of other than its objects")
         return cls(**values)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values, for JSON; without :attr:`learned_from` if that is nobody.
+        """Return plain values, for JSON; without :attr:`learned_from` and :attr:`grasps` if empty.
 
-        So files and digests of models that learn from no other estimator stay what they were.
+        So files and digests of models that have neither stay what they were.
         """
-        out = asdict(self)
-        if not self.learned_from:
-            del out[_LATER]
-        return out
+        return {k: v for k, v in asdict(self).items() if v or k not in _LATER}
 
 
-_LATER = "learned_from"
-"""An entry that is left out where it is empty."""
+_LATER = ("learned_from", "grasps")
+"""Entries that are left out where they are empty."""
 
 
 def digest_of(estimates: Estimates, *others: ndarray) -> str:
     """Return the SHA-256 of instances, poses and further arrays."""
     columns = ("dataset", "scene_id", "im_id", "obj_id", "est_id", "cam_T_obj")
     return sha256(*(getattr(estimates, name) for name in columns), *others)
+
+
+def _is_count(value: Any) -> bool:
+    return type(value) is int and value >= 0
 
 
 def _entry(name: str, kind: str, value: Any) -> Any:
@@ -193,11 +224,15 @@ def _entry(name: str, kind: str, value: Any) -> Any:
         if type(value) in (int, float) and 0 <= value <= 1:
             return float(value)
     elif kind == "int":
-        if type(value) is int and value >= 0:
+        if _is_count(value):
             return value
     elif kind == "dict[str, int]":
         counts = list(value.values()) if isinstance(value, dict) else [-1]
-        if all(type(n) is int and n >= 0 for n in counts):
+        if all(map(_is_count, counts)):
+            return value
+    elif kind == "dict[str, dict[str, int]]":
+        inner = list(value.values()) if isinstance(value, dict) else [None]
+        if all(isinstance(x, dict) and x and all(map(_is_count, x.values())) for x in inner):
             return value
     elif kind == "dict[str, float]":
         numbers = list(value.values()) if isinstance(value, dict) else [0.0]

@@ -112,9 +112,11 @@ def _part(card: ModelCard, arrays: Mapping[str, ndarray], shared: Predictor | No
         raise ValueError("the typical features are not a list of finite numbers")
     if novelty is not None and novelty.centre.size != 6 * len(card.supporters):
         raise ValueError(f"{novelty.centre.size} entries for {len(card.supporters)} supporters")
-    count = len(card.objects)
+    count = len(card.targets)
     if isinstance(predictor, Blend) and len(predictor.tried) != count:
-        raise ValueError(f"{len(predictor.tried)} objects of {count}")
+        raise ValueError(f"{len(predictor.tried)} objects, or grasps of them, of {count}")
+    if card.grasps and isinstance(predictor, Thresholds | NetworkEnsemble):
+        raise ValueError(f"the method {card.method} knows one grasp of each object")
     if one_view is not None:
         _check_one_view(one_view, typical, count)
     elif novelty is not None:

@@ -10,8 +10,9 @@ import numpy as np
 from graspcast.errors import InputError
 from graspcast.estimates.instances import scene_groups, unit_names
 from graspcast.forecasting.models.blend import Blend, ForestSettings
-from graspcast.forecasting.models.encoding import UNSEEN
-from graspcast.forecasting.models.visibility import Visibility, VisibilitySettings
+from graspcast.forecasting.models.targets import Targets
+from graspcast.forecasting.models.visibility import Visibility
+from graspcast.forecasting.models.visibility_settings import VisibilitySettings
 from graspcast.forecasting.training_data import TrainingData
 from graspcast.forecasting.visibility_features import features_of_one
 from graspcast.io.progress import Progress
@@ -33,7 +34,8 @@ _LEAST = 10
 
 def learns_alone(data: TrainingData) -> bool:
     """Whether one estimator's single view is to be forecast, and there is enough to learn it."""
-    tried, successes = int(data.is_tried.sum()), int((data.own_success == 1).sum())
+    own = data.own_outcomes
+    tried, successes = int((~np.isnan(own)).sum()), int((own == 1).sum())
     return len(data.estimates.estimators) == 1 and tried >= _LEAST and 0 < successes < tried
 
 
@@ -109,7 +111,7 @@ def visibility_settings(settings: ForestSettings) -> VisibilitySettings:
 
 def fit_alone(
     data: TrainingData,
-    objects: Sequence[str],
+    targets: Targets,
     settings: ForestSettings,
     *,
     progress: Progress | None = None,
@@ -120,23 +122,23 @@ def fit_alone(
     ----------
     data
         Instances of one estimator; :attr:`Estimates.seen` has score and image fit.
-    objects
-        Names of the objects to forecast.
+    targets
+        The objects to forecast, and their grasps.
     settings
         Of the forests.
     progress
         Called with the share of the work that is done and a message.
     """
-    number = {name: i for i, name in enumerate(objects)}
-    numbers = [number.get(name, UNSEEN) for name in data.objects.tolist()]
-    keys = data.estimates.instances
+    names, count = data.objects.tolist(), len(data.grasps)
+    keys, found = data.estimates.instances, features_of_one(data.estimates)
     return Visibility.fit(
-        features_of_one(data.estimates),
-        data.own_success,
-        np.array(numbers, dtype=np.int64),
-        scene_groups(keys),
-        unit_names(keys, "image"),
-        objects=len(objects),
+        replace(found, values=np.tile(found.values, (count, 1))),
+        data.own_outcomes.ravel(),
+        np.concatenate([targets.numbers(names, grasp) for grasp in data.grasps]),
+        np.tile(scene_groups(keys), count),
+        np.tile(unit_names(keys, "image"), count),
+        objects=len(targets),
+        grasps=count,
         settings=visibility_settings(settings),
         progress=progress,
     )

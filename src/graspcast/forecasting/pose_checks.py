@@ -15,7 +15,6 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.checks import copied, diameters, no_estimate_by
 from graspcast.estimates.instances import InstanceKey, Instances, split_object_name
 from graspcast.forecasting.model_card import ModelCard
-from graspcast.forecasting.models.visibility import Visibility
 from graspcast.io.arguments import NAME, NAMED, PATH, a, mapping, number
 from graspcast.pose.lengths import shown
 from graspcast.pose.sanity import as_pose, is_placeholder, pose_problems
@@ -148,23 +147,24 @@ def sane_of(problems: list[str]) -> Bool[ndarray, " n"]:
 
 
 def alone_problems(
-    visibility: Visibility | None, objects: ndarray, numbers: Int[ndarray, " n"]
+    tried: Bool[ndarray, " o"] | None, objects: ndarray, numbers: Int[ndarray, " n"]
 ) -> list[str]:
     """Say for each instance why one estimator's single view cannot be judged, or nothing.
 
     Parameters
     ----------
-    visibility
-        The model that judges it, or None.
+    tried
+        Of which objects of the training there were outcomes; None if there is no model of a single
+        view.
     objects, numbers
         The objects' names, and their numbers in training, -1 if they were not there.
     """
-    if visibility is None:
+    if tried is None:
         return [ONE_VIEW] * len(objects)
-    tried = (numbers >= 0) & visibility.tried[numbers]
+    known_ones = (numbers >= 0) & tried[numbers]
     return [
         "" if known else f"one view by one estimator: there was no outcome of {name} in training"
-        for name, known in zip(objects.tolist(), tried.tolist(), strict=True)
+        for name, known in zip(objects.tolist(), known_ones.tolist(), strict=True)
     ]
 
 

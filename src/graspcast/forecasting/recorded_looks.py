@@ -11,6 +11,7 @@ from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.loading import Inputs
 from graspcast.forecasting.contradictions import CONTRADICTED, MOVED
 from graspcast.forecasting.fallbacks import Fallbacks, certificate_of
+from graspcast.forecasting.grasp_ranking import Reachable, refuse_mask
 from graspcast.forecasting.looking import PolicyRun, run_at_once, run_policy
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.recorded_verdicts import ViewSettings, check_views, policy_of
@@ -30,6 +31,7 @@ def verdicts_with_views(
     threshold: float = 0.5,
     certificates: Sequence[Certificate] = (),
     ood_alpha: float = OOD_ALPHA,
+    reachable: Reachable | None = None,
 ) -> list[VerdictRow]:
     """Return a verdict on every instance of the principal's, ordered by key.
 
@@ -46,7 +48,7 @@ def verdicts_with_views(
         Dataset's name to its camera motion; without it each image is judged alone.
     settings
         Which views serve, and who guides.
-    threshold, certificates, ood_alpha
+    threshold, certificates, ood_alpha, reachable
         As for :meth:`Fallbacks.verdict_rows`.
 
     Raises
@@ -66,6 +68,7 @@ def verdicts_with_views(
         threshold=threshold,
         certificates=certificates,
         ood_alpha=ood_alpha,
+        reachable=reachable,
     )
     return [looks.last for looks in found]
 
@@ -127,6 +130,7 @@ def _by_instance(
     threshold: float = 0.5,
     certificates: Sequence[Certificate] = (),
     ood_alpha: float = OOD_ALPHA,
+    reachable: Reachable | None = None,
 ) -> list[InstanceLooks]:
     """Judge by each model in turn; where one has no forecast, the next answers."""
     usable = models.usable(inputs.estimators)
@@ -138,7 +142,9 @@ def _by_instance(
     out: dict[InstanceKey, InstanceLooks] = {}
     for forecaster in usable:
         options: dict[str, Any] = {"threshold": threshold, "ood_alpha": ood_alpha}
+        options["reachable"] = reachable
         if certificates:
+            refuse_mask(reachable)
             policy = policy_of(forecaster, settings, views=bool(motions))
             overall = certificate_of(forecaster, certificates, ood_alpha, policy).overall
             options |= {"threshold": overall.threshold, "guarantee": str(overall)}

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import repeat
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from graspcast.bop.models import Models
 from graspcast.estimates.alignment import Estimates
 from graspcast.forecasting.attribution import attributions
+from graspcast.forecasting.grasp_ranking import Reachable, nothing_reachable
+from graspcast.forecasting.grasps_of_instances import ranking_of
 from graspcast.forecasting.novelty import Disagreement
-from graspcast.forecasting.verdict import Verdict, decide
+from graspcast.forecasting.verdict import Verdict, chosen, decide
 
 if TYPE_CHECKING:
     from graspcast.forecasting.forecaster import Forecaster
@@ -30,6 +32,7 @@ def decide_sane(
     guarantee: str | None,
     ood_alpha: float,
     explain: bool,
+    reachable: Reachable | None = None,
 ) -> list[Verdict]:
     """Decide on instances without a problem; the parameters are those of ``verdicts``.
 
@@ -37,6 +40,21 @@ def decide_sane(
     is out of distribution is told only where the pose is elsewhere than in training.
     """
     found, numbers = forecaster._inputs(estimates, models)
+    ranking = None
+    if forecaster.card.grasps or reachable is not None:
+        ranking = ranking_of(forecaster, found, estimates, numbers, reachable)
+        numbers = ranking.targets
+        if not (able := numbers >= 0).all():
+            options: dict[str, Any] = {"threshold": threshold, "guarantee": guarantee}
+            options |= {"ood_alpha": ood_alpha, "explain": explain, "reachable": reachable}
+            some = estimates.select(able)
+            given_some = decide_sane(forecaster, some, models, **options) if able.any() else []
+            rest = iter(given_some)
+            names = estimates.objects.tolist()
+            return [
+                next(rest) if yes else _unreachable(forecaster, name)
+                for yes, name in zip(able.tolist(), names, strict=True)
+            ]
     attribution: Iterable[tuple[tuple[str, float], ...]] = repeat((), len(estimates))
     if explain:
         attribution = attributions(forecaster.predictor, found, numbers, forecaster.typical)
@@ -44,6 +62,10 @@ def decide_sane(
     alone = forecaster.visibility
     if alone is not None:  # without a supporter there is no p-value
         given = [each if each is not None and each.excess else None for each in given]
+    if ranking is None:
+        probability = forecaster.predictor.probability(found.values, numbers)
+    else:
+        probability = ranking.probability
     out = [
         decide(
             p,
@@ -54,16 +76,23 @@ def decide_sane(
             attribution=why,
         )
         for p, each, why in zip(
-            forecaster.predictor.probability(found.values, numbers).tolist(),
+            probability.tolist(),
             given,
             attribution,
             strict=True,
         )
     ]
+    if ranking is not None and forecaster.card.grasps:
+        out = [chosen(each, some) for each, some in zip(out, ranking.grasps, strict=True)]
     if alone is None:
         return out
     rests = alone.rests_on(found.values, numbers)
     return [_said(verdict, what) for verdict, what in zip(out, rests, strict=True)]
+
+
+def _unreachable(forecaster: Forecaster, name: str) -> Verdict:
+    """Return the verdict where the robot reaches no grasp."""
+    return Verdict(False, None, nothing_reachable(forecaster.card, name))
 
 
 def _said(verdict: Verdict, what: str) -> Verdict:

@@ -49,7 +49,7 @@ def read_stages(path: str | PathLike[str]) -> list[InstanceLooks]:
     ------
     FormatError
         Naming the line: for values that are none, looks that are missing or there twice, rows of
-        one number that are of different objects, images, grippers or grasps, and for looking that
+        one number that are of different objects, images or grippers, and for looking that
         did not end where the verdicts say.
     """
     found: dict[int, dict[int, tuple[VerdictRow, bool, str]]] = {}
@@ -66,7 +66,7 @@ def read_stages(path: str | PathLike[str]) -> list[InstanceLooks]:
         if first is not None and _place(first[0]) != _place(row):
             raise FormatError(
                 path,
-                f"instance {number} is another object, image, gripper or grasp than in {first[2]}",
+                f"instance {number} is another object, image or gripper than in {first[2]}",
                 where=where,
             )
         looks[taken] = row, fields["ended"] == "yes", where
@@ -96,7 +96,7 @@ def _looks(
 
 def _place(row: VerdictRow) -> tuple[object, ...]:
     """Return what all looks of an instance share; ``est_id`` is each guide's own."""
-    return (*row.key[:4], row.gripper, row.grasp)
+    return (*row.key[:4], row.gripper)
 
 
 def _count(text: str, name: str, path: str | PathLike[str], where: str) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,12 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.bop.models import Models
-from graspcast.errors import InputError, TrainingDataWarning, UnknownNameError
+from graspcast.errors import TrainingDataWarning, UnknownNameError
 from graspcast.estimates.checks import diameters
 from graspcast.estimates.instances import split_object_name, unit_names
 from graspcast.forecasting.features import FeatureSet, features_of
 from graspcast.forecasting.forecaster import Forecaster
+from graspcast.forecasting.grasp_counts import grasp_counts, rarely_tried
 from graspcast.forecasting.model_card import ONE_VIEW_FEATURES, ModelCard, digest_of
 from graspcast.forecasting.model_file import KINDS
 from graspcast.forecasting.models.add_threshold import Thresholds
@@ -28,7 +29,6 @@ from graspcast.forecasting.models.visibility import Visibility
 from graspcast.forecasting.novelty import OOD_ALPHA, Novelty
 from graspcast.forecasting.one_estimator import (
     ALONE,
-    check_alone,
     check_learned,
     fit_alone,
     learns_alone,
@@ -37,6 +37,7 @@ from graspcast.forecasting.one_estimator import (
 )
 from graspcast.forecasting.pose_checks import refuse_most
 from graspcast.forecasting.training_data import TrainingData
+from graspcast.forecasting.training_scope import FOREST_METHODS, LEAST, Scope, scope_of
 from graspcast.forecasting.visibility_features import features_of_one, median_row
 from graspcast.io.arguments import NAME, a, checked, mapping
 from graspcast.io.progress import Progress, step_of
@@ -46,10 +47,7 @@ __all__ = ["fit_forecaster", "train_forecaster"]
 
 _FEW = 50
 """Outcomes below which a warning is given."""
-_LEAST = 10
 _METHODS = tuple(name for name in KINDS if name != ALONE)
-_FORESTS = {"blend": None, "two-stage": 0.0, "direct": 1.0}
-"""Methods made of forests, and the weight of the direct forest if not that of the settings."""
 
 
 @checked(training_data=a(TrainingData), method=NAME, models=mapping(a(Models), "dataset"))
@@ -161,15 +159,15 @@ def fit_forecaster(
         whose = learned.estimators, training_data.principal
         check_learned(*whose, method, alone=alone, views=views)
     in_order = sorted(training_data.estimates.estimators)  # whatever the order they are given in
-    scope = _scope(training_data.only(*in_order), method)
+    scope = scope_of(training_data.only(*in_order), method)
     data = scope.data
     used: Any = None
     feature_set: str = features
     if method == "threshold":
         feature_set = "add"
-    elif method in _FORESTS:
+    elif method in FOREST_METHODS:
         feature_set, used = "full", forests or ForestSettings()
-        if (weight := _FORESTS[method]) is not None:
+        if (weight := FOREST_METHODS[method]) is not None:
             used = replace(used, direct=weight)
     else:
         pools, scales = method == "MLP-O", features == "rich"
@@ -179,7 +177,7 @@ def fit_forecaster(
         data.learned.refuse_most(data.estimates, models)
     if learns_alone(data) and data.views is None:
         return _fit_alone(scope, used, models or {}, progress)
-    if method in _FORESTS:
+    if method in FOREST_METHODS:
         return _fit_forests(scope, method, used, models or {}, guides, progress)
     card = _card(scope, method, feature_set, used, models or {})
     values = features_of(data.estimates, card.principal, card.features, models).values
@@ -193,19 +191,19 @@ def fit_forecaster(
 
 
 def _fit_alone(
-    scope: _Scope,
+    scope: Scope,
     settings: ForestSettings,
     models: Mapping[str, Models],
     progress: Progress | None,
 ) -> Forecaster:
     """Fit the forecaster of one estimator's single view."""
-    fitted = fit_alone(scope.data, scope.objects, settings, progress=progress)
+    fitted = fit_alone(scope.data, scope.targets, settings, progress=progress)
     card = _card(scope, ALONE, ONE_VIEW_FEATURES, visibility_settings(settings), models)
     return _assembled(scope.data, card, fitted, features_of_one(scope.data.estimates).values)
 
 
 def _fit_forests(
-    scope: _Scope,
+    scope: Scope,
     method: str,
     settings: ForestSettings,
     models: Mapping[str, Models],
@@ -217,7 +215,7 @@ def _fit_forests(
     names = _guides(data, guides)
     alone = method != "two-stage" and learns_alone(data)
     share = step_of(progress, 0, 2) if alone else progress
-    blends = grow_blends(data, names, scope.objects, models, settings, progress=share)
+    blends = grow_blends(data, names, scope.targets, models, settings, progress=share)
     each = []
     for name in names:
         mine, blend = replace(scope, data=replace(data, principal=name)), blends[name]
@@ -227,7 +225,7 @@ def _fit_forests(
             values = features_of(data.estimates, name, "full", models).values
         elif alone:
             share = step_of(progress, 1, 2)
-            blend = with_alone(blend, fit_alone(data, scope.objects, settings, progress=share))
+            blend = with_alone(blend, fit_alone(data, scope.targets, settings, progress=share))
             values = features_of_one(data.estimates).values
         each.append(_assembled(mine.data, card, blend, values))
     return replace(each[0], others=tuple(each[1:]))
@@ -239,9 +237,10 @@ def _guides(data: TrainingData, wanted: Sequence[str] | None) -> list[str]:
         for name in wanted:
             data.estimates.index(name)
     out = [data.principal]
-    for name, success in zip(data.estimates.estimators, data.success, strict=True):
+    each = data.every_success.swapaxes(0, 1)
+    for name, success in zip(data.estimates.estimators, each, strict=True):
         tried, held = int((~np.isnan(success)).sum()), int((success == 1).sum())
-        enough = tried >= _LEAST and 0 < held < tried
+        enough = tried >= LEAST and 0 < held < tried
         if name not in out and (enough if wanted is None else name in wanted):
             out.append(name)
     return out
@@ -257,7 +256,8 @@ def _assembled(
         novelty = Novelty.fit(data.estimates, card.principal, diameter_m)
         card = replace(card, smallest_p_value=novelty.smallest_p_value)
         typical = np.median(values, axis=0) if card.supporters else median_row(values)
-    card = replace(card, warnings=_limitations(data, novelty, predictor))
+    warned = (*_limitations(data, novelty, predictor), *rarely_tried(card.grasps))
+    card = replace(card, warnings=warned)
     return Forecaster(card, predictor, novelty, typical)
 
 
@@ -266,7 +266,7 @@ def _limitations(
 ) -> tuple[str, ...]:
     """Say what the training data are too few for."""
     out = []
-    outcomes, count = int(data.is_tried.sum()), len(data)
+    outcomes, count = int((~np.isnan(data.own_outcomes)).sum()), len(data)
     scenes = len(set(unit_names(data.estimates.instances, "scene").tolist()))
     if 0 < outcomes < _FEW:
         out.append(
@@ -308,13 +308,16 @@ def _diameters(objects: tuple[str, ...], models: Mapping[str, Models]) -> dict[s
 
 
 def _card(
-    scope: _Scope, method: str, features: str, settings: Any, models: Mapping[str, Models]
+    scope: Scope, method: str, features: str, settings: Any, models: Mapping[str, Models]
 ) -> ModelCard:
     data = scope.data
-    own = data.own_success[data.is_tried]
+    own = data.own_outcomes
+    own = own[~np.isnan(own)]
     seen = () if data.views is None else (data.views.statistics, data.views.cam_T_fused)
     if features == ONE_VIEW_FEATURES:
         seen = (*seen, *data.estimates.seen.values())
+    named = ((np.array(name), held) for name, held in data.others.items())
+    seen = (*seen, *(part for pair in named for part in pair))
     if (learned := data.learned) is not None:
         errors = () if learned.obj_T_est is None else (learned.obj_T_est,)
         seen = (*seen, learned.cam_T_obj, learned.success, *errors)
@@ -322,7 +325,7 @@ def _card(
         principal=data.principal,
         supporters=data.estimates.supporters(data.principal),
         gripper=data.gripper,
-        objects=scope.objects,
+        objects=scope.targets.objects,
         method=method,
         features=features,
         settings={} if settings is None else asdict(settings),
@@ -332,66 +335,8 @@ def _card(
         versions=versions(),
         simulated=scope.simulated,
         scenes=tuple(sorted(set(unit_names(data.estimates.instances, "scene").tolist()))),
-        diameters_m=_diameters(scope.objects, models),
+        diameters_m=_diameters(scope.targets.objects, models),
         views={} if data.views is None else dict(data.views.rules),
         learned_from={} if learned is None else learned.counts(data.truth),
+        grasps=grasp_counts(data, scope.targets) if scope.targets.has_several else {},
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _Scope:
-    """The training data that a method uses, and the objects that it learns.
-
-    Attributes
-    ----------
-    data
-        All instances, or for methods that use the principal's outcomes alone, the tried ones.
-    objects
-        Names of the objects that can be forecast, sorted.
-    simulated
-        Those of them that have simulated trials alone.
-    """
-
-    data: TrainingData
-    objects: tuple[str, ...]
-    simulated: tuple[str, ...] = ()
-
-
-def _scope(data: TrainingData, method: str) -> _Scope:
-    """Select what a method can learn from.
-
-    Raises
-    ------
-    InputError
-        If that is too little.
-    """
-    from_forests = method in _FORESTS
-    if data.views is None or not from_forests:
-        check_alone(data, method)
-    if not data.has_truth.any() and (method == "two-stage" or data.simulated is not None):
-        raise InputError(
-            "the method two-stage, and simulated trials with any method, need ground truth, but no "
-            "instance has a known true pose",
-            parameters=("ground_truth", "bop", "method", "simulated"),
-        )
-    simulated: set[str] = set()
-    if from_forests and data.simulated is not None:
-        simulated = set(data.simulated.objects.tolist())
-    is_tried = data.is_tried
-    tried, successes = int(is_tried.sum()), int((data.own_success == 1).sum())
-    if not simulated and (tried < _LEAST or successes in (0, tried)):
-        raise InputError(
-            f"{tried} outcomes of {data.principal} with {successes} successes are too few to learn "
-            "from: give at least ten, with both successes and failures",
-            parameters=("outcomes",),
-        )
-    if not from_forests:
-        data = data.select(is_tried)
-        return _Scope(data, tuple(sorted(set(data.objects.tolist()))))
-    with_outcomes = ~np.isnan(data.success).all(axis=0)
-    if method == "two-stage":
-        with_outcomes &= data.has_truth
-    if data.learned is not None:
-        with_outcomes |= data.learned.usable(data.truth).any(axis=0)
-    known = set(data.objects[with_outcomes].tolist())
-    return _Scope(data, tuple(sorted(known | simulated)), tuple(sorted(simulated - known)))

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from os import PathLike
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import polars as pl
@@ -14,77 +12,21 @@ from numpy import ndarray
 
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
-from graspcast.estimates.instances import Instances
-from graspcast.estimates.outcomes import (
-    checked_outcomes,
-    errors_of_each,
-    read_error_outcomes,
-    success_of_each,
-)
+from graspcast.estimates.outcomes import REFERENCE_GRASP, checked_outcomes
 from graspcast.estimates.selection import listed
 from graspcast.forecasting.learned_outcomes import LearnedOutcomes, check_names
+from graspcast.forecasting.outcome_joining import check_gripper, join_grasps
+from graspcast.forecasting.simulated_trials import SimulatedTrials
 from graspcast.forecasting.view_data import ViewData
-from graspcast.io.arguments import NAME, PATH, a, checked, refuse_unless, sequence
+from graspcast.io.arguments import NAME, a, checked
 
-__all__ = ["SimulatedTrials", "TrainingData", "outcomes_of"]
+__all__ = ["ONE_GRASP", "TrainingData"]
 
-
-@dataclass(frozen=True, eq=False)
-class SimulatedTrials:
-    """Simulated trials of one gripper, each with the pose error that guided it.
-
-    Attributes
-    ----------
-    objects
-        ``dataset-number`` of each trial's object, (n,).
-    obj_T_est
-        Pose errors, ``inv(cam_T_true) @ cam_T_est``, metres, (n, 4, 4).
-    success
-        Outcomes, (n,).
-    """
-
-    objects: ndarray
-    obj_T_est: Float[ndarray, "n 4 4"]
-    success: Bool[ndarray, " n"]
-
-    def __repr__(self) -> str:
-        return f"SimulatedTrials({len(self)} of {len(set(self.objects.tolist()))} objects)"
-
-    def __len__(self) -> int:
-        return len(self.success)
-
-    @classmethod
-    def read(cls, paths: Iterable[str | PathLike[str]], gripper: str) -> SimulatedTrials:
-        """Read the trials of a gripper from one or more campaigns.
-
-        Raises
-        ------
-        FormatError
-            Naming the file that is wrong.
-        MismatchError
-            If there are none of this gripper.
-        """
-        paths = list(paths) if isinstance(paths, Iterable) and not isinstance(paths, str) else paths
-        some = (lambda given: bool(given) and sequence(PATH)[0](given), "a list of paths")
-        refuse_unless(some, paths, "SimulatedTrials.read", "paths")
-        tables, errors = zip(*(read_error_outcomes(path) for path in paths), strict=True)
-        table = pl.concat(tables)
-        mine = (table["gripper"] == gripper).to_numpy()
-        if not mine.any():
-            available = ", ".join(table["gripper"].unique().sort().to_list())
-            raise MismatchError(
-                f"no simulated trial of the {gripper} gripper; there are trials of {available}",
-                parameters=("gripper", "simulated"),
-            )
-        return cls(
-            table["object"].to_numpy().astype(str)[mine],
-            np.concatenate(errors)[mine],
-            table["success"].to_numpy()[mine],
-        )
-
-    def select(self, which: Bool[ndarray, " n"]) -> SimulatedTrials:
-        """Select trials by mask."""
-        return SimulatedTrials(self.objects[which], self.obj_T_est[which], self.success[which])
+ONE_GRASP = (
+    "outcomes of estimators that are not there at run time are learned from where objects have "
+    "the reference grasp alone"
+)
+"""Why they are not, for a message."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +44,8 @@ class TrainingData:
     truth
         True poses ``cam_T_obj``, metres, NaN where unknown, (n, 4, 4).
     success
-        Outcomes of the grasps that each estimator guided: 1, 0, or NaN where not tried, (K, n), in
-        the estimators' order.
+        Outcomes of the reference grasps that each estimator guided: 1, 0, or NaN where not tried,
+        (K, n), in the estimators' order.
     simulated
         Simulated trials of the gripper, or None.
     obj_T_est
@@ -115,6 +57,9 @@ class TrainingData:
     learned
         Outcomes of further estimators, which are learned from but not needed at run time, or None
         (:meth:`learning_from`).
+    others
+        Name of each further grasp that was tried, sorted, to its outcomes, as ``success``, (K, n).
+        A grasp of one object has nothing to do with one of the same name of another object.
     """
 
     estimates: Estimates
@@ -126,6 +71,7 @@ class TrainingData:
     obj_T_est: Float[ndarray, "k n 4 4"] | None = None
     views: ViewData | None = None
     learned: LearnedOutcomes | None = None
+    others: Mapping[str, Float[ndarray, "k n"]] = field(default_factory=dict)
 
     @classmethod
     @checked(
@@ -174,16 +120,16 @@ class TrainingData:
         estimates.index(principal)
         success = np.full((len(estimates.estimators), len(estimates)), np.nan)
         errors = np.full((*success.shape, 4, 4), np.nan)
+        others: dict[str, ndarray] = {}
         if outcomes is not None:
-            _check_gripper(outcomes, gripper)
-            outcomes = checked_outcomes(outcomes)
-            for k, name in enumerate(estimates.estimators):
-                given = estimates, outcomes, name, gripper
-                success[k], errors[k] = outcomes_of(*given, numbered=name == principal)
-            _check_numbering(estimates, outcomes, principal, success[estimates.index(principal)])
+            check_gripper(outcomes, gripper)
+            given = estimates, checked_outcomes(outcomes), principal, gripper
+            others, errors = join_grasps(*given)
+            success = others.pop(REFERENCE_GRASP, success)
+            others = {name: held for name, held in others.items() if not np.isnan(held).all()}
         if truth is None:
             truth = np.full((len(estimates), 4, 4), np.nan)
-        data = cls(estimates, principal, gripper, truth, success, simulated, errors)
+        data = cls(estimates, principal, gripper, truth, success, simulated, errors, others=others)
         if outcomes is not None and not data.is_tried.any():
             groups = outcomes.group_by("estimator", "dataset").agg("obj_id", "scene_id")
             pairs = ", ".join(
@@ -221,13 +167,74 @@ class TrainingData:
 
     @property
     def own_success(self) -> Float[ndarray, " n"]:
-        """Outcomes of the grasps that the principal guided: 1, 0, or NaN where not tried."""
+        """Outcomes of the reference grasps that the principal guided, NaN where not tried."""
         return self.success[self.estimates.index(self.principal)]
+
+    @property
+    def grasps(self) -> tuple[str, ...]:
+        """Names of the grasps that were tried, the reference grasp first."""
+        tried = not self.others or not np.isnan(self.success).all()
+        return (*([REFERENCE_GRASP] if tried else []), *self.others)
+
+    @property
+    def every_success(self) -> Float[ndarray, "s k n"]:
+        """Outcomes of all grasps, in the order of :attr:`grasps`, (S, K, n)."""
+        named = {REFERENCE_GRASP: self.success, **self.others}
+        return np.stack([named[name] for name in self.grasps])
+
+    @property
+    def own_outcomes(self) -> Float[ndarray, "s n"]:
+        """Outcomes of all grasps that the principal guided, NaN where not tried, (S, n)."""
+        return self.every_success[:, self.estimates.index(self.principal)]
 
     @property
     def is_tried(self) -> Bool[ndarray, " n"]:
         """Which instances have an outcome of a grasp that the principal guided."""
-        return ~np.isnan(self.own_success)
+        return np.asarray(~np.isnan(self.own_outcomes).all(axis=0))
+
+    def outcome_of(self, grasps: Sequence[str]) -> Float[ndarray, " n"]:
+        """Return the outcome of one grasp of each instance that the principal guided.
+
+        Parameters
+        ----------
+        grasps
+            The grasp's name for each instance.
+        """
+        row = {name: i for i, name in enumerate(self.grasps)}
+        own, out = self.own_outcomes, np.full(len(self), np.nan)
+        for i, name in enumerate(grasps):
+            if name in row:
+                out[i] = own[row[name], i]
+        return out
+
+    def refuse_several(self, why: str, *parameters: str) -> None:
+        """Raise if other than reference grasps were tried.
+
+        Raises
+        ------
+        InputError
+            Saying why, and which grasps there are.
+        """
+        if self.others:
+            raise InputError(
+                f"{why}, but there are outcomes of the grasps {', '.join(self.grasps)}",
+                parameters=parameters,
+            )
+
+    def of_grasp(self, name: str = REFERENCE_GRASP) -> TrainingData:
+        """Return the data of one grasp of each object alone, as that of the reference grasp.
+
+        Raises
+        ------
+        UnknownNameError
+            If it was never tried.
+        """
+        if name not in self.grasps:
+            raise UnknownNameError(
+                "grasp", name, self.grasps, hint="These have outcomes", parameters=("outcomes",)
+            )
+        success = self.success if name == REFERENCE_GRASP else self.others[name]
+        return replace(self, success=success, others={})
 
     @property
     def _untried(self) -> str:
@@ -253,6 +260,7 @@ class TrainingData:
             estimates=self.estimates.select(which),
             truth=self.truth[which],
             success=self.success[:, which],
+            others={name: held[:, which] for name, held in self.others.items()},
             obj_T_est=None if self.obj_T_est is None else self.obj_T_est[:, which],
             views=None if self.views is None else self.views.select(which, len(self)),
             learned=None if self.learned is None else self.learned.select(which),
@@ -276,6 +284,7 @@ class TrainingData:
         check_names(estimators, self.principal, self.estimates.estimators)
         if not estimators:
             return self
+        self.refuse_several(ONE_GRASP, "learn_from")
         kept = tuple(name for name in self.estimates.estimators if name not in estimators)
         if self.views is not None and set(self.views.estimators) != set(kept):
             raise MismatchError(
@@ -313,85 +322,7 @@ class TrainingData:
             self,
             estimates=self.estimates.only(*estimators),
             success=self.success[rows],
+            others={name: held[rows] for name, held in self.others.items()},
             obj_T_est=None if self.obj_T_est is None else self.obj_T_est[rows],
             views=self.views if set(estimators) == set(self.estimates.estimators) else None,
-        )
-
-
-def outcomes_of(
-    estimates: Estimates, outcomes: pl.DataFrame, name: str, gripper: str, *, numbered: bool
-) -> tuple[Float[ndarray, " n"], Float[ndarray, "n 4 4"]]:
-    """Return the outcomes of the grasps that an estimator guided, and the errors that they state.
-
-    Parameters
-    ----------
-    estimates
-        The instances.
-    outcomes
-        As :func:`graspcast.estimates.outcomes.checked_outcomes` returns them.
-    name, gripper
-        The estimator and the gripper.
-    numbered
-        Whether the instances are numbered by its scores. If not, only the outcomes of objects that
-        appear once in the image are used.
-    """
-    success = np.full(len(estimates), np.nan)
-    errors = np.full((len(estimates), 4, 4), np.nan)
-    rows = np.arange(len(estimates))
-    if not numbered:
-        rows = np.flatnonzero(_is_alone(estimates))
-        image = ["dataset", "scene_id", "im_id", "obj_id"]
-        outcomes = outcomes.filter(pl.col("est_id").fill_null(0).max().over(image) == 0)
-    mine = estimates.instances.select(rows)
-    incomplete = Instances.of([gap.key for gap in estimates.incomplete])
-    success[rows] = success_of_each(mine, outcomes, name, gripper, others=incomplete)
-    errors[rows] = errors_of_each(mine, outcomes, name, gripper)
-    return success, errors
-
-
-def _is_alone(estimates: Estimates) -> Bool[ndarray, " n"]:
-    """Find the instances of which no estimator has another one of the object in the image."""
-    if estimates.alone is not None:
-        return estimates.alone
-    keys = [gap.key for gap in estimates.incomplete] + estimates.instances.to_keys()
-    count = Counter(key[:4] for key in keys)
-    return np.array([count[key[:4]] == 1 for key in estimates.instances.to_keys()], dtype=bool)
-
-
-def _check_numbering(
-    estimates: Estimates, outcomes: pl.DataFrame, principal: str, success: Float[ndarray, " n"]
-) -> None:
-    """Raise where outcomes of a former version number instances of equal score by file order.
-
-    Raises
-    ------
-    MismatchError
-        Naming the first such instance.
-    """
-    if estimates.tied is None or "inst_id" not in outcomes.columns:
-        return
-    former = outcomes.filter(pl.col("inst_id").is_not_null(), pl.col("estimator") == principal)
-    tied = np.flatnonzero(estimates.tied & ~np.isnan(success))
-    if len(former) and len(tied):
-        key = estimates.instances.to_keys()[int(tied[0])]
-        raise MismatchError(
-            f"{key}: {principal} gave several estimates there the same score, and inst_id, of a "
-            "former version, numbers those by their place in a file, so their outcomes cannot be "
-            "assigned; number the trials by est_id (equal scores by pose, nearest first), or "
-            "simulate again",
-            parameters=("outcomes",),
-        )
-
-
-def _check_gripper(outcomes: pl.DataFrame, gripper: str) -> None:
-    needed = ("estimator", "dataset", "scene_id", "im_id", "obj_id", "gripper", "success")
-    if missing := [name for name in needed if name not in outcomes.columns]:
-        raise InputError(
-            f"the outcomes lack {', '.join(missing)}; read_outcomes reads one from a file",
-            parameters=("outcomes",),
-        )
-    grippers = outcomes["gripper"].unique().sort().to_list()
-    if gripper not in grippers:
-        raise UnknownNameError(
-            "gripper", gripper, grippers, hint="These have outcomes", parameters=("gripper",)
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from jaxtyping import Float
@@ -13,6 +13,7 @@ from graspcast.errors import InputError
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.outcomes import REFERENCE_GRASP
+from graspcast.forecasting.grasp_ranking import GraspForecast
 from graspcast.forecasting.novelty import OOD_ALPHA, Disagreement
 from graspcast.io.arguments import number
 from graspcast.io.wording import counted
@@ -57,6 +58,11 @@ class Verdict:
         where not asked for.
     look
         From where to look again, where that is the advice; None where it is not.
+    grasp
+        The grasp's name: of those that can be chosen, the one with the highest probability.
+    grasps
+        The forecasts of all grasps that can be chosen, the best first; empty where there is no
+        forecast, or the forecaster knows the reference grasp alone.
     """
 
     attempt: bool
@@ -68,6 +74,8 @@ class Verdict:
     out_of_distribution: bool | None = False
     attribution: tuple[tuple[str, float], ...] = ()
     look: NextLook | None = None
+    grasp: str = REFERENCE_GRASP
+    grasps: tuple[GraspForecast, ...] = ()
 
     @property
     def may_attempt(self) -> bool:
@@ -206,13 +214,17 @@ def decide(
     )
 
 
+def chosen(verdict: Verdict, grasps: tuple[GraspForecast, ...]) -> Verdict:
+    """Return a verdict with the grasp that it is about, the first of a ranking."""
+    best = grasps[0]
+    among = f", the best of {len(grasps)}" if len(grasps) > 1 else ""
+    few = " alone" if best.rests_on_few else ""
+    said = f"grasp {best.grasp}{among}, by {counted(best.outcomes, 'outcome')}{few}"
+    return replace(verdict, reason=f"{verdict.reason}; {said}", grasp=best.grasp, grasps=grasps)
+
+
 def verdict_rows(
-    estimates: Estimates,
-    verdicts: Iterable[Verdict],
-    *,
-    principal: str,
-    gripper: str,
-    grasp: str = REFERENCE_GRASP,
+    estimates: Estimates, verdicts: Iterable[Verdict], *, principal: str, gripper: str
 ) -> list[VerdictRow]:
     """Return the verdicts on all of the principal's instances, ordered by key.
 
@@ -223,12 +235,15 @@ def verdict_rows(
         from.
     verdicts
         One for each of the former.
-    principal, gripper, grasp
-        Who guides which grasp by which gripper.
+    principal, gripper
+        Who guides grasps by which gripper.
     """
-    who: dict[str, Any] = {"principal": principal, "gripper": gripper, "grasp": grasp}
+    who: dict[str, Any] = {"principal": principal, "gripper": gripper}
     triples = zip(estimates.instances.to_keys(), verdicts, estimates.of(principal), strict=True)
-    rows = [VerdictRow(key, verdict=given, cam_T_obj=pose, **who) for key, given, pose in triples]
+    rows = [
+        VerdictRow(key, verdict=given, cam_T_obj=pose, grasp=given.grasp, **who)
+        for key, given, pose in triples
+    ]
     for gap in estimates.incomplete:
         verdict = Verdict(False, None, gap.reason)
         rows.append(VerdictRow(gap.key, verdict=verdict, cam_T_obj=gap.cam_T_obj, **who))

@@ -190,6 +190,7 @@ def _verdict_row(row: dict[str, str], path: str | PathLike[str], where: str) -> 
             probability,
             row["reason"],
             look=_look(row, path, where) if said == "look again" else None,
+            grasp=row["grasp"],
         ),
         views=_number(row.get("views") or "1", "views", path, where),
         cam_T_obj=transform(

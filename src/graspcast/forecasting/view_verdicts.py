@@ -17,12 +17,11 @@ from graspcast.estimates.alignment import Estimates, estimate_ids
 from graspcast.estimates.checks import copied, diameters, no_estimate_by
 from graspcast.estimates.instances import Instances
 from graspcast.forecasting.contradictions import MOVED, single_view_doubts
+from graspcast.forecasting.grasp_ranking import GraspForecast, Reachable, nothing_reachable
 from graspcast.forecasting.look_again import MIN_GAIN, looks_for
-from graspcast.forecasting.models.blend import Blend
-from graspcast.forecasting.models.design_matrix import nearest_to
-from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.forecasting.novelty import OOD_ALPHA
-from graspcast.forecasting.verdict import Verdict, VerdictRow, check_threshold, decide
+from graspcast.forecasting.verdict import Verdict, VerdictRow, check_threshold, chosen, decide
+from graspcast.forecasting.view_rankings import view_ranking
 from graspcast.io.arguments import a, checked
 from graspcast.pose.sanity import pose_problems
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
@@ -32,7 +31,7 @@ from graspcast.views.statistics import fusion_statistics
 if TYPE_CHECKING:
     from graspcast.forecasting.forecaster import Forecaster
 
-__all__ = ["BEST", "FUSED", "judge", "view_probabilities"]
+__all__ = ["BEST", "FUSED", "judge"]
 
 FUSED = "fused"
 """The guide that is no estimator: the fused pose."""
@@ -55,6 +54,7 @@ def judge(
     motion: CameraMotion | None = None,
     noise: CameraNoise | None = None,
     seen: Mapping[str, Float[ndarray, " n"]] | None = None,
+    reachable: Reachable | None = None,
 ) -> list[VerdictRow]:
     """Decide on every instance with as many views as there are.
 
@@ -91,6 +91,8 @@ def judge(
     seen
         What is known of a single estimator's estimates in the judged image, by name: ``score`` and
         image fit, as :attr:`Estimates.seen` has them, (n,); the results' scores by default.
+    reachable
+        As for :meth:`Forecaster.rank`; keys are those of ``fused.instances``.
 
     Returns
     -------
@@ -102,7 +104,7 @@ def judge(
     MismatchError
         For poses fused from other estimators, or objects of other sizes than in training.
     UnknownNameError
-        For a guide that is none of these.
+        For a guide that is none of these, or a reachable grasp that the forecaster does not know.
     """
     if threshold is not None:
         check_threshold(threshold)
@@ -110,6 +112,7 @@ def judge(
     if seen is not None:
         frame = replace(frame, seen=seen)
     options: dict[str, Any] = {"guarantee": guarantee, "ood_alpha": ood_alpha}
+    options["reachable"] = reachable
     rows: dict[int, VerdictRow] = {}
     several = np.flatnonzero(frame.several)
     if len(several):
@@ -123,47 +126,6 @@ def judge(
     if max_looks > 1 and threshold is not None:
         frame.look_again(out, max_looks, min_gain, motion=motion, noise=noise)
     return out
-
-
-def view_probabilities(
-    forecaster: Forecaster,
-    instances: Instances,
-    statistics: Float[ndarray, "n d"],
-    cam_T_fused: Float[ndarray, "n 4 4"],
-    cam_T_guide: Float[ndarray, "n 4 4"],
-    models: Mapping[str, Models],
-) -> Float[ndarray, " n"]:
-    """Forecast the success of grasps by the view model; NaN for objects that it does not know.
-
-    Parameters
-    ----------
-    forecaster
-        Trained with views.
-    instances
-        What the poses are of.
-    statistics, cam_T_fused
-        Of the fusions, and the fused poses.
-    cam_T_guide
-        The poses that guide.
-    models
-        Dataset's name to its object models, for symmetries.
-
-    Raises
-    ------
-    MismatchError
-        If the forecaster was trained without views.
-    """
-    numbers = forecaster.card.numbers_of(instances.objects.tolist(), unseen=True)
-    if not (rows := numbers != UNSEEN).all():
-        # Of objects that are not in training there may be no model either.
-        some = np.full(len(rows), np.nan)
-        if rows.any():
-            mine = statistics[rows], cam_T_fused[rows], cam_T_guide[rows]
-            some[rows] = view_probabilities(forecaster, instances.select(rows), *mine, models)
-        return some
-    near = nearest_to(cam_T_guide, cam_T_fused, instances.dataset, instances.obj_id, models)
-    assert isinstance(forecaster.predictor, Blend)
-    return forecaster.predictor.view_probability(statistics, near, cam_T_guide, numbers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,22 +190,28 @@ class _Frame:
         *,
         guarantee: str | None,
         ood_alpha: float,
+        reachable: Reachable | None,
     ) -> list[VerdictRow]:
         """Judge instances with several views."""
         fused, forecaster = self.fused, self.forecaster
         assert forecaster.view_model is not None
         candidates = self.candidates(rows)
         probability = np.full((len(candidates), len(rows)), np.nan)
-        for values, (poses, there, _) in zip(probability, candidates.values(), strict=True):
+        ranked: list[list[tuple[GraspForecast, ...]]] = [[()] * len(rows) for _ in candidates]
+        for c, (poses, there, _) in enumerate(candidates.values()):
             mine = rows[there]
-            values[there] = view_probabilities(
+            ranking = view_ranking(
                 forecaster,
                 fused.instances.select(mine),
                 self.statistics[mine],
                 fused.poses.cam_T_obj[mine],
                 poses[there],
                 self.models,
+                reachable,
             )
+            probability[c, there] = ranking.probability
+            for j, grasps in zip(np.flatnonzero(there).tolist(), ranking.grasps, strict=True):
+                ranked[c][j] = grasps
         best = np.where(np.isnan(probability), -1.0, probability).argmax(axis=0).tolist()
         unusual = forecaster.view_model.assess(self.statistics[rows])
         names, keys = list(candidates), fused.instances.select(rows).to_keys()
@@ -252,6 +220,9 @@ class _Frame:
         for j, i in enumerate(rows.tolist()):
             poses, there, est_id = candidates[names[best[j]]]
             problem = problems[j] or ("" if there[j] else no_estimate_by([names[best[j]]], {}))
+            grasps = ranked[best[j]][j]
+            if not (problem or grasps) and reachable is not None:
+                problem = nothing_reachable(forecaster.card, keys[j].object)
             if problem:
                 verdict = Verdict(False, None, problem)
             else:
@@ -262,6 +233,8 @@ class _Frame:
                     disagreement=unusual[j],
                     ood_alpha=ood_alpha,
                 )
+                if forecaster.card.grasps and grasps:
+                    verdict = chosen(verdict, grasps)
             views, entered = int(fused.views[i]), int(fused.poses.used[i].sum())
             said = f"{verdict.reason}; {views} views, {entered} estimates"
             row = VerdictRow(
@@ -270,6 +243,7 @@ class _Frame:
                 gripper=forecaster.card.gripper,
                 verdict=replace(verdict, reason=said),
                 cam_T_obj=poses[j],
+                grasp=verdict.grasp,
                 views=views,
             )
             out.append(row)
@@ -295,7 +269,8 @@ class _Frame:
         if not len(asked):
             return
         given = (forecaster, fused, asked, self.statistics[asked])
-        looks = looks_for(*given, motion=motion, noise=noise)
+        grasps = [rows[i].grasp for i in asked.tolist()]
+        looks = looks_for(*given, grasps, motion=motion, noise=noise)
         for i, look in zip(asked.tolist(), looks, strict=True):
             verdict, expected = rows[i].verdict, look.expected_probability
             if verdict.probability is None or expected is None:
@@ -373,6 +348,7 @@ class _Frame:
                 gripper=self.forecaster.card.gripper,
                 verdict=verdict,
                 cam_T_obj=poses[k, j],
+                grasp=verdict.grasp,
             )
             out.append(row)
         return out

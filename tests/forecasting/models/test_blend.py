@@ -16,8 +16,9 @@ from graspcast.evaluation.scores import score
 from graspcast.forecasting.features import features_of
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.blend import Blend, ForestSettings
+from graspcast.forecasting.simulated_trials import SimulatedTrials
 from graspcast.forecasting.train import train_forecaster
-from graspcast.forecasting.training_data import SimulatedTrials, TrainingData
+from graspcast.forecasting.training_data import TrainingData
 from poses import write_models
 
 QUICK = ForestSettings(trees=24, draws=32, folds=3)

@@ -11,10 +11,11 @@ from numpy.testing import assert_array_equal
 from graspcast.errors import InputError
 from graspcast.forecasting.models.blend import Blend, ForestSettings
 from graspcast.forecasting.models.growing import grow_blends
+from graspcast.forecasting.models.targets import Targets
 from looked_at import Training, training
 
 SETTINGS = ForestSettings(trees=12, folds=3, draws=32)
-OBJECTS = ("d-1", "d-2")
+TARGETS = Targets.of_objects(("d-1", "d-2"))
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +25,7 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Training:
 
 @pytest.fixture(scope="module")
 def blends(given: Training) -> dict[str, Blend]:
-    return grow_blends(given.data, ("a", "c"), OBJECTS, given.models, SETTINGS)
+    return grow_blends(given.data, ("a", "c"), TARGETS, given.models, SETTINGS)
 
 
 def test_guides_share_all_but_their_error_model_and_calibration(blends: dict[str, Blend]) -> None:
@@ -35,7 +36,7 @@ def test_guides_share_all_but_their_error_model_and_calibration(blends: dict[str
 
 
 def test_one_guide_alone_is_grown_the_same(given: Training, blends: dict[str, Blend]) -> None:
-    alone = grow_blends(given.data, ("c",), OBJECTS, given.models, SETTINGS)["c"]
+    alone = grow_blends(given.data, ("c",), TARGETS, given.models, SETTINGS)["c"]
     for name, array in alone.to_arrays().items():
         assert_array_equal(array, blends["c"].to_arrays()[name])
 
@@ -55,10 +56,10 @@ def test_views_are_calibrated_by_out_of_fold_forecasts_of_every_guide(
 
 def test_one_estimator_alone_learns_from_views(given: Training) -> None:
     one = training_of_one(given)
-    blend = grow_blends(one, ("a",), OBJECTS, given.models, SETTINGS)["a"]
+    blend = grow_blends(one, ("a",), TARGETS, given.models, SETTINGS)["a"]
     assert blend.direct is None and blend.errors is None and blend.views is not None
     with pytest.raises(InputError, match="nothing to learn from"):
-        grow_blends(replace(one, views=None), ("a",), OBJECTS, given.models, SETTINGS)
+        grow_blends(replace(one, views=None), ("a",), TARGETS, given.models, SETTINGS)
     back = Blend.from_arrays(blend.to_arrays())
     assert_array_equal(back.known, blend.known)
     with pytest.raises(ValueError, match="a part of the model is missing"):

@@ -35,7 +35,7 @@ def stages() -> tuple[ErrorModel, SuccessGivenError, np.ndarray, np.ndarray]:
     # The second object succeeds with errors with which the first fails.
     success = synthetic.holds(trials) ^ (numbers == 1)
     success_given_error = SuccessGivenError.fit(
-        trials, numbers, success, objects=2, trees=TREES, seed=0
+        trials, numbers, success, codes=np.eye(2), trees=TREES, seed=0
     )
     return errors, success_given_error, features, truth
 

@@ -39,7 +39,7 @@ def stage(given: Training, matrix: ViewMatrix) -> SuccessGivenError:
     errors = compose(invert(given.data.truth)[None], estimates.cam_T_obj).reshape(-1, 4, 4)
     numbers = np.tile(estimates.obj_id - 1, 3)
     return SuccessGivenError.fit(
-        errors, numbers, given.data.success.ravel() == 1, objects=2, trees=16, seed=0
+        errors, numbers, given.data.success.ravel() == 1, codes=np.eye(2), trees=16, seed=0
     )
 
 

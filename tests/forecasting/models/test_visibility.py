@@ -12,7 +12,8 @@ from sklearn.metrics import roc_auc_score
 from graspcast.errors import InputError, MismatchError
 from graspcast.forecasting.features import Features
 from graspcast.forecasting.models.base import Predictor
-from graspcast.forecasting.models.visibility import Visibility, VisibilitySettings
+from graspcast.forecasting.models.visibility import Visibility
+from graspcast.forecasting.models.visibility_settings import VisibilitySettings
 from graspcast.forecasting.visibility_features import visibility_features
 from poses import random_poses
 

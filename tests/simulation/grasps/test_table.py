@@ -156,3 +156,17 @@ def test_a_file_with_grasps_of_a_pair_replaces_the_built_in_one(tmp_path: Path) 
     (tmp_path / "mine.toml").write_text(entry)
     (only,) = read_grasps(tmp_path / "mine.toml").of("ycbv-4", "parallel")
     assert only.grasp.name == "top"
+
+
+def test_a_table_may_be_limited_to_names_and_to_the_first_few(tmp_path: Path) -> None:
+    named = [ENTRY.replace("[[grasp]]", f'[[grasp]]\nname = "{name}"') for name in "abc"]
+    (tmp_path / "mine.toml").write_text("\n".join(named))
+    table = read_grasps(tmp_path / "mine.toml")
+    assert [r.grasp.name for r in table.limited(most=2).of("mug", "parallel")] == ["a", "b"]
+    some = table.limited(["c", "reference"], 1)
+    assert [r.grasp.name for r in some.of("mug", "parallel")] == ["c"]
+    assert len(some.of("ycbv-4", "parallel")) == 1
+    assert len(table.limited()) == len(table)
+    assert ("mug", "parallel") not in table.limited(["reference"])
+    with pytest.raises(UnknownNameError, match="unknown grasp 'd'; known: a, b, c, reference"):
+        table.limited(["d"])

@@ -24,8 +24,8 @@ from numpy import ndarray
 from graspcast.errors import MismatchError
 from graspcast.forecasting.models.base import Predictor
 from graspcast.forecasting.models.calibration import expit, logit
-from graspcast.forecasting.models.encoding import one_hot_numbers
 from graspcast.forecasting.models.forest import Forest
+from graspcast.forecasting.models.held_out_choice import choice_from
 from graspcast.forecasting.models.out_of_fold import OutOfFold
 from graspcast.forecasting.models.two_stage import (
     ERROR_INPUTS,
@@ -75,15 +75,17 @@ class Blend:
     Attributes
     ----------
     direct
-        Forest from features, object and guiding estimator to success, or None.
+        Forest from features, target (object and grasp) and guiding estimator to success, or None.
     errors, success_given_error
         The two-stage model, or None.
     estimator
         One-hot vector of the principal among all estimators, (K,).
+    codes
+        Code of each target (:meth:`graspcast.forecasting.models.targets.Targets.codes`), (T, C).
     tried
-        Which objects have outcomes, and so are known to the direct forest, (objects,).
+        Which targets have outcomes, and so are known to the direct forest, (T,).
     known
-        Which objects the two-stage model knows, by outcomes or simulation, (objects,).
+        Which targets the two-stage model knows, by outcomes or simulation, (T,).
     weight
         Of the direct forest.
     draws
@@ -100,14 +102,18 @@ class Blend:
         The view model, or None; it judges by ``success_given_error`` too.
     visibility
         What one view of one estimator is forecast by, where there is no supporter, or None.
+    choice
+        Slope and intercept on the log-odds of the highest forecast among several grasps
+        (:mod:`graspcast.forecasting.models.held_out_choice`), or None.
     """
 
     direct: Forest | None
     errors: ErrorModel | None
     success_given_error: SuccessGivenError | None
     estimator: Float[ndarray, " k"]
-    tried: Bool[ndarray, " o"]
-    known: Bool[ndarray, " o"]
+    codes: Float[ndarray, "t inputs"]
+    tried: Bool[ndarray, " t"]
+    known: Bool[ndarray, " t"]
     weight: float
     draws: int
     columns: Int[ndarray, " c"]
@@ -115,6 +121,7 @@ class Blend:
     out_of_fold: OutOfFold | None = None
     views: ViewModel | None = None
     visibility: Visibility | None = None
+    choice: Float[ndarray, "2"] | None = None
 
     @property
     def is_calibrated(self) -> bool:
@@ -127,7 +134,7 @@ class Blend:
     ) -> Float[ndarray, "2 n"]:
         """Forecast without calibration: the average, and the two-stage model alone, (2, n).
 
-        Object number -1 is an unseen object; NaN where the two-stage model does not know it.
+        Target -1 is one of an unseen object; NaN where the two-stage model does not know it.
         """
         count = self.columns[-1]  # of the error model's inputs
         inputs, axes = self.columns[:count], self.columns[count : count + 9]
@@ -146,7 +153,7 @@ class Blend:
             )
         if self.direct is None:
             return np.stack([staged, staged])
-        which = one_hot_numbers(numbers, len(self.tried))
+        which = np.where((numbers >= 0)[:, None], self.codes[numbers], 0.0)
         guide = np.broadcast_to(self.estimator, (len(features), len(self.estimator)))
         direct = self.direct.mean(np.concatenate([features, which, guide], axis=1))
         # For objects without outcomes the direct forest is used only if there is nothing else.
@@ -185,11 +192,11 @@ class Blend:
         statistics: Float[ndarray, "n d"],
         cam_T_fused: Float[ndarray, "n 4 4"],
         cam_T_guide: Float[ndarray, "n 4 4"],
-        objects: Int[ndarray, " n"],
+        targets: Int[ndarray, " n"],
     ) -> Float[ndarray, " n"]:
         """Forecast the probability of success with several views (:meth:`ViewModel.raw`).
 
-        NaN for objects that the second stage does not know.
+        NaN for targets that the second stage does not know.
 
         Raises
         ------
@@ -202,14 +209,14 @@ class Blend:
                 parameters=("camera_poses", "model"),
             )
         out = np.full(len(statistics), np.nan)
-        mine = np.flatnonzero((objects >= 0) & self.known[objects])
+        mine = np.flatnonzero((targets >= 0) & self.known[targets])
         if len(mine):
             raw = self.views.raw(
                 self.success_given_error,
                 statistics[mine],
                 cam_T_fused[mine],
                 cam_T_guide[mine],
-                objects[mine],
+                targets[mine],
                 draws=self.draws,
             )
             out[mine] = self.views.calibrated(raw)
@@ -228,6 +235,10 @@ class Blend:
         out = {name: getattr(self, name) for name in plain}
         out |= {"weight": np.array(self.weight), "draws": np.array(self.draws)}
         out["parts"] = self._parts
+        if not np.array_equal(self.codes, np.eye(len(self.codes))):  # not the objects alone
+            out["codes"] = self.codes
+        if self.choice is not None:
+            out["choice"] = self.choice
         if self.out_of_fold is not None:
             out |= self.out_of_fold.to_arrays()
         if self.errors is not None:
@@ -253,9 +264,12 @@ class Blend:
         shared
             The model of another guide, whose forests and view model are this one's too.
         """
-        objects = len(arrays["tried"])
-        if arrays["known"].shape != (objects,) or arrays["calibration"].shape != (2, 2):
+        targets = len(arrays["tried"])
+        codes = arrays.get("codes", np.eye(targets))
+        if arrays["known"].shape != (targets,) or arrays["calibration"].shape != (2, 2):
             raise ValueError("the arrays of the model have different lengths")
+        if codes.ndim != 2 or len(codes) != targets or not np.isfinite(codes).all():
+            raise ValueError("the codes of the grasps are not finite numbers of each")
         if not 1 <= int(arrays["draws"]) <= _MAX_DRAWS:
             raise ValueError(f"the model draws {int(arrays['draws'])} pose errors")
         direct = errors = success_given_error = views = None
@@ -275,15 +289,16 @@ class Blend:
             views = ViewModel.from_arrays(arrays, "views")
         if "success_given_error/roots" in arrays:
             success_given_error = SuccessGivenError(
-                Forest.from_arrays(arrays, "success_given_error"), objects
+                Forest.from_arrays(arrays, "success_given_error"), codes
             )
-            if success_given_error.forest.columns > ERROR_INPUTS + objects:
+            if success_given_error.forest.columns > ERROR_INPUTS + codes.shape[1]:
                 raise ValueError("the model of success given error needs columns that are none")
         out = cls(
             direct,
             errors,
             success_given_error,
             arrays["estimator"],
+            codes,
             arrays["tried"],
             arrays["known"],
             float(arrays["weight"]),
@@ -293,6 +308,7 @@ class Blend:
             OutOfFold.from_arrays(arrays) if "out_of_fold/image" in arrays else None,
             views,
             Visibility.from_arrays(below) if below else None,
+            choice_from(arrays, "choice"),
         )
         if not np.array_equal(out._parts, arrays["parts"]):
             raise ValueError("a part of the model is missing")

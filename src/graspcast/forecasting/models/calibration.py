@@ -12,7 +12,11 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-__all__ = ["calibrated", "expit", "fit_calibration", "logit"]
+__all__ = ["IDENTITY", "calibrated", "expit", "fit_calibration", "fit_shift", "logit"]
+
+
+IDENTITY = np.array([1.0, 0.0])
+"""Slope and intercept that change nothing."""
 
 
 def logit(p: ndarray) -> ndarray:
@@ -43,3 +47,17 @@ def fit_calibration(forecast: ndarray, outcome: ndarray) -> Float[ndarray, "2"]:
     slope = float(model.coef_[0, 0])
     # A negative slope would invert forecasts that carry no information about new scenes.
     return np.array([slope, float(model.intercept_[0])]) if slope > 0 else np.array([1.0, 0.0])
+
+
+def fit_shift(forecast: ndarray, outcome: ndarray) -> Float[ndarray, "2"]:
+    """Fit the intercept alone, so that the mean forecast is the success rate; the slope is 1.
+
+    It is 0 where outcomes are too few or all equal.
+    """
+    from scipy.optimize import brentq
+
+    if len(forecast) < 20 or len(np.unique(outcome)) < 2:
+        return np.array([1.0, 0.0])
+    odds, rate = logit(forecast), float(np.mean(outcome))
+    shift = brentq(lambda b: float(expit(odds + b).mean()) - rate, -20.0, 20.0)
+    return np.array([1.0, float(shift)])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from graspcast.bop.models import Models
 from graspcast.estimates.instances import scene_groups
 from graspcast.estimates.matching import nearest_truth
 from graspcast.forecasting.features import consensus_features
-from graspcast.forecasting.models.encoding import UNSEEN
+from graspcast.forecasting.models.targets import Targets
 from graspcast.forecasting.training_data import TrainingData
 from graspcast.forecasting.view_data import ViewData
 from graspcast.pose.ray_frame import relative
@@ -88,7 +88,8 @@ class ViewMatrix:
 class DesignMatrix:
     """Training data as arrays: features, outcomes and pose errors for each guiding estimator.
 
-    Of K estimators that are needed at run time, and L whose outcomes are learned from alone.
+    Of K estimators that are needed at run time, and L whose outcomes are learned from alone, and of
+    S names of grasps.
 
     Attributes
     ----------
@@ -100,46 +101,46 @@ class DesignMatrix:
     features
         The set ``full`` with each estimator in turn as the principal, (K, n, d).
     success
-        1, 0, or NaN, (K, n).
+        Outcomes of each grasp: 1, 0, or NaN, (S, K, n).
     truth
         True pose in each estimate's ray frame (:func:`graspcast.pose.ray_frame.relative`), NaN
         where unknown, (K, n, 6).
     obj_T_est
         Pose errors, up to the object's symmetries, (K, n, 4, 4).
     numbers
-        Each instance's object number, -1 for one that is not among the objects, (n,).
+        The target of each grasp and instance, -1 where it is none of the targets, (S, n).
     groups
         Each instance's scene (or block of frames), (n,).
-    objects
-        Number of objects.
+    targets
+        The grasps of each object.
     simulated
-        Pose errors, object numbers and outcomes of simulated trials of these objects.
+        Pose errors, targets and outcomes of simulated trials of these.
     views
         Poses fused from several views, or None.
     learned_success, learned_obj_T_est
-        The same of the estimators that are learned from alone, (L, n) and (L, n, 4, 4), or None.
+        The same of the estimators that are learned from alone, (S, L, n) and (L, n, 4, 4), or None.
     """
 
     principal: int
     names: tuple[str, ...]
     features: Float[ndarray, "k n d"]
-    success: Float[ndarray, "k n"]
+    success: Float[ndarray, "s k n"]
     truth: Float[ndarray, "k n 6"]
     obj_T_est: Float[ndarray, "k n 4 4"]
-    numbers: Int[ndarray, " n"]
+    numbers: Int[ndarray, "s n"]
     groups: ndarray
-    objects: int
+    targets: Targets
     simulated: tuple[ndarray, ndarray, ndarray] | None
     views: ViewMatrix | None = None
-    learned_success: Float[ndarray, "l n"] | None = None
+    learned_success: Float[ndarray, "s l n"] | None = None
     learned_obj_T_est: Float[ndarray, "l n 4 4"] | None = None
 
     @property
-    def all_success(self) -> Float[ndarray, "j n"]:
-        """Outcomes of all estimators, those that are learned from alone last, (K + L, n)."""
+    def all_success(self) -> Float[ndarray, "s j n"]:
+        """Outcomes of all estimators, those that are learned from alone last, (S, K + L, n)."""
         if self.learned_success is None:
             return self.success
-        return np.concatenate([self.success, self.learned_success])
+        return np.concatenate([self.success, self.learned_success], axis=1)
 
     @property
     def all_errors(self) -> Float[ndarray, "j n 4 4"]:
@@ -156,19 +157,17 @@ class DesignMatrix:
     @property
     def is_tried(self) -> Bool[ndarray, " n"]:
         """Which instances have an outcome of a grasp that the principal guided."""
-        return ~np.isnan(self.success[self.principal])
+        return np.asarray(~np.isnan(self.success[:, self.principal]).all(axis=0))
 
     @classmethod
     def of(
-        cls, training_data: TrainingData, objects: Sequence[str], models: Mapping[str, Models]
+        cls, training_data: TrainingData, targets: Targets, models: Mapping[str, Models]
     ) -> DesignMatrix:
         """Compute the arrays once, for all forests that are grown from parts of them."""
         estimates = training_data.estimates
-        number = {name: i for i, name in enumerate(objects)}
         # Instances of other objects still train the error model.
-        numbers = np.array(
-            [number.get(name, UNSEEN) for name in estimates.objects.tolist()], dtype=np.int64
-        )
+        names_of = estimates.objects.tolist()
+        numbers = np.stack([targets.numbers(names_of, grasp) for grasp in training_data.grasps])
         names: tuple[str, ...] = ()
         features, truths, errors = [], [], []
         stored = training_data.obj_T_est
@@ -189,7 +188,7 @@ class DesignMatrix:
             errors.append(invert(est_T_true))
         simulated = views = learned_success = learned_errors = None
         if (learned := training_data.learned) is not None:
-            learned_success = learned.success
+            learned_success = learned.success[None]
             stated = (
                 [None] * len(learned.success) if learned.obj_T_est is None else learned.obj_T_est
             )
@@ -201,23 +200,20 @@ class DesignMatrix:
         if training_data.views is not None:
             views = ViewMatrix.of(training_data, training_data.views, models)
         if training_data.simulated is not None:
-            mine = np.isin(training_data.simulated.objects, list(number))
-            trials = training_data.simulated.select(mine)
-            simulated = (
-                trials.obj_T_est,
-                np.array([number[name] for name in trials.objects.tolist()], dtype=np.int64),
-                trials.success,
-            )
+            trials = training_data.simulated
+            number = trials.targets(targets)
+            mine = number >= 0
+            simulated = (trials.obj_T_est[mine], number[mine], trials.success[mine])
         return cls(
             estimates.index(training_data.principal),
             names,
             np.stack(features),
-            training_data.success,
+            training_data.every_success,
             np.stack(truths),
             np.stack(errors),
             numbers,
             scene_groups(estimates.instances),
-            len(objects),
+            targets,
             simulated,
             views,
             learned_success,

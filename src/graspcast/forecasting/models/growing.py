@@ -8,7 +8,7 @@ with views also use the outcomes of estimators that are only learned from.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -21,7 +21,9 @@ from graspcast.forecasting.models.blend import Blend, ForestSettings
 from graspcast.forecasting.models.calibration import calibrated, fit_calibration
 from graspcast.forecasting.models.design_matrix import DesignMatrix
 from graspcast.forecasting.models.forest import Forest, flatten
+from graspcast.forecasting.models.held_out_choice import choose_held_out
 from graspcast.forecasting.models.out_of_fold import OutOfFold
+from graspcast.forecasting.models.targets import Targets
 from graspcast.forecasting.models.two_stage import ErrorModel, SuccessGivenError
 from graspcast.forecasting.models.view_model import ViewModel
 from graspcast.forecasting.splits import fold_numbers
@@ -41,7 +43,7 @@ or on the viewing direction are left out, which generalises better to new scenes
 def grow_blends(
     training_data: TrainingData,
     guides: Sequence[str],
-    objects: Sequence[str],
+    targets: Targets,
     models: Mapping[str, Models],
     settings: ForestSettings,
     *,
@@ -55,8 +57,8 @@ def grow_blends(
         Instances with outcomes; with several views if it has :attr:`TrainingData.views`.
     guides
         The estimators that may guide.
-    objects
-        Names of the objects to forecast.
+    targets
+        The objects to forecast, and their grasps.
     models
         Dataset's name to its object models.
     settings
@@ -73,7 +75,7 @@ def grow_blends(
     InputError
         If there is neither ground truth for the two-stage model nor outcomes for the direct forest.
     """
-    matrix = DesignMatrix.of(training_data, objects, models)
+    matrix = DesignMatrix.of(training_data, targets, models)
     numbers = [training_data.estimates.index(name) for name in guides]
     folds = min(settings.folds, len(np.unique(matrix.groups)))
     blends = _grow(matrix, np.full(len(training_data), True), settings, numbers)
@@ -92,41 +94,49 @@ def _calibrated(
     images: ndarray,
     progress: Progress | None,
 ) -> dict[int, Blend]:
-    """Calibrate each guide's forecasts, and those with views for all guides together."""
+    """Calibrate each guide's forecasts, and those with views for all guides together.
+
+    The calibration is the same for all grasps. That of the grasp with the highest forecast, which
+    is a little too high since it was chosen for it, is corrected by a second one.
+    """
     singles, seen = _out_of_fold(matrix, settings, list(blends), folds, progress)
     views = _calibrated_views(matrix, next(iter(blends.values())).views, seen, images)
     out = {}
     for k, blend in blends.items():
         blend = replace(blend, views=views)
-        predictions, own = singles[k], matrix.success[k]
+        predictions, own = singles[k], matrix.success[:, k]
         if matrix.names:
-            calibration = np.stack([fit_calibration(each, own) for each in predictions])
-            rows = np.flatnonzero(~np.isnan(predictions[0]))
-            if len(rows):
-                probability = calibrated(predictions[0, rows], calibration[0])
-                kept = OutOfFold(probability, own[rows] == 1, images[rows])
-                blend = replace(blend, calibration=calibration, out_of_fold=kept)
+            calibration = np.stack(
+                [fit_calibration(each.ravel(), own.ravel()) for each in predictions]
+            )
+            found = choose_held_out(calibrated(predictions[0], calibration[0]), own)
+            if len(found.rows):
+                kept = OutOfFold(found.probability, found.success, images[found.rows])
+                blend = replace(
+                    blend, calibration=calibration, choice=found.choice, out_of_fold=kept
+                )
         out[k] = blend
     return out
 
 
 def _calibrated_views(
-    matrix: DesignMatrix, model: ViewModel | None, seen: Float[ndarray, "j m"], images: ndarray
+    matrix: DesignMatrix, model: ViewModel | None, seen: Float[ndarray, "s j m"], images: ndarray
 ) -> ViewModel | None:
     if model is None or matrix.views is None:
         return model
-    outcome = matrix.all_success[:, matrix.views.row]
+    outcome = matrix.all_success[:, :, matrix.views.row]
     known = ~np.isnan(seen) & ~np.isnan(outcome)
     if not known.any():
         return model
     calibration = fit_calibration(seen[known], outcome[known])
-    known[len(matrix.success) :] = False  # what is kept is of those that are there at run time
-    if not known.any():
+    there = matrix.success.shape[1]  # what is kept is of those that are there at run time
+    row = np.tile(matrix.views.row, there)
+    flat = calibrated(seen[:, :there], calibration).reshape(len(seen), -1)
+    found = choose_held_out(flat, outcome[:, :there].reshape(flat.shape))
+    if not len(found.rows):
         return replace(model, calibration=calibration)
-    row = np.broadcast_to(matrix.views.row, seen.shape)[known]
-    probability = calibrated(seen[known], calibration)
-    kept = OutOfFold(probability, outcome[known] == 1, images[row])
-    return replace(model, calibration=calibration, out_of_fold=kept)
+    kept = OutOfFold(found.probability, found.success, images[row[found.rows]])
+    return replace(model, calibration=calibration, choice=found.choice, out_of_fold=kept)
 
 
 def _out_of_fold(
@@ -135,30 +145,31 @@ def _out_of_fold(
     guides: list[int],
     folds: int,
     progress: Progress | None,
-) -> tuple[dict[int, Float[ndarray, "2 n"]], Float[ndarray, "j m"]]:
+) -> tuple[dict[int, Float[ndarray, "2 s n"]], Float[ndarray, "s j m"]]:
     """Forecast tried instances by forests grown without their scene; NaN for all others.
 
     Returns
     -------
-    Of each guide from one view, as :meth:`Blend.raw`; and of all estimators with several views,
-    those that are only learned from last.
+    Of each grasp: of each guide from one view, as :meth:`Blend.raw`; and of all estimators with
+    several views, those that are only learned from last.
     """
     fold_of = fold_numbers(matrix.groups, folds, seed=settings.seed)
     inner = replace(settings, trees=max(32, settings.trees // 2))
-    singles = {k: np.full((2, len(fold_of)), np.nan) for k in guides}
+    singles = {k: np.full((2, *matrix.numbers.shape), np.nan) for k in guides}
     views = matrix.views
-    seen = np.full((len(matrix.all_success), 0 if views is None else len(views.row)), np.nan)
+    shape = matrix.all_success.shape[:2]
+    seen = np.full((*shape, 0 if views is None else len(views.row)), np.nan)
     for fold in range(folds):
         try:
             grown = _grow(matrix, fold_of != fold, inner, guides)
         except InputError:  # all outcomes are in this fold, or all others are equal
             continue
         for k, blend in grown.items():
-            asked = (fold_of == fold) & ~np.isnan(matrix.success[k]) & (matrix.numbers >= 0)
-            rows = np.flatnonzero(asked)
-            rows = rows[blend.tried[matrix.numbers[rows]]]
+            asked = (fold_of == fold) & ~np.isnan(matrix.success[:, k]) & (matrix.numbers >= 0)
+            grasp, rows = np.nonzero(asked & blend.tried[matrix.numbers])
             if matrix.names:
-                singles[k][:, rows] = blend.raw(matrix.features[k, rows], matrix.numbers[rows])
+                given = matrix.features[k, rows], matrix.numbers[grasp, rows]
+                singles[k][:, grasp, rows] = blend.raw(*given)
         if views is not None and blend.views is not None:
             _forecast_views(matrix, blend, fold_of == fold, seen)
         step_of(progress, fold + 1, folds + 1)(1.0, "growing forests")
@@ -166,50 +177,89 @@ def _out_of_fold(
 
 
 def _forecast_views(
-    matrix: DesignMatrix, blend: Blend, test: Bool[ndarray, " n"], seen: Float[ndarray, "j m"]
+    matrix: DesignMatrix, blend: Blend, test: Bool[ndarray, " n"], seen: Float[ndarray, "s j m"]
 ) -> None:
     """Forecast the tried instances of a fold with several views, guided by each estimator."""
     views = matrix.views
     assert views is not None and blend.views is not None and blend.success_given_error is not None
-    for k, success in enumerate(matrix.all_success):
-        asked = test[views.row] & (views.views > 1) & ~np.isnan(success[views.row])
+    numbers = matrix.numbers[:, views.row]
+    for k in range(seen.shape[1]):
+        tried = ~np.isnan(matrix.all_success[:, k, views.row])
+        asked = test[views.row] & (views.views > 1) & tried
         asked &= np.isfinite(views.guide[k]).all(axis=(1, 2))
-        rows = np.flatnonzero(asked & blend.known[matrix.numbers[views.row]])
-        rows = rows[matrix.numbers[views.row[rows]] >= 0]
+        grasp, rows = np.nonzero(asked & blend.known[numbers] & (numbers >= 0))
         if len(rows):
-            seen[k, rows] = blend.views.raw(
+            seen[grasp, k, rows] = blend.views.raw(
                 blend.success_given_error,
                 views.statistics[rows],
                 views.fused[k, rows],
                 views.guide[k, rows],
-                matrix.numbers[views.row[rows]],
+                numbers[grasp, rows],
                 draws=blend.draws,
             )
+
+
+_MOST_DIRECT, _MOST_GIVEN_ERROR = 30_000, 60_000
+"""Trials at most from which the direct forest, and success given error, are grown where objects
+have several grasps; of more, about equally many of each grasp are drawn."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Trials:
+    """Tried grasps: who guided which instance's, its target, and whether it held, (m,)."""
+
+    guide: Int[ndarray, " m"]
+    instance: Int[ndarray, " m"]
+    numbers: Int[ndarray, " m"]
+    success: Bool[ndarray, " m"]
+
+    def select(self, which: Int[ndarray, " k"]) -> _Trials:
+        """Select trials by number."""
+        return _Trials(*(getattr(self, f.name)[which] for f in fields(self)))
+
+
+def _drawn(numbers: Int[ndarray, " m"], count: int, seed: int) -> Int[ndarray, " k"]:
+    """Draw at most so many trials, about equally many of each target; in order, (k,)."""
+    if len(numbers) <= count:
+        return np.arange(len(numbers))
+    order = np.random.default_rng(seed).permutation(len(numbers))
+    # The place of each trial among those of its target, in random order.
+    by_target = order[np.argsort(numbers[order], kind="stable")]
+    sorted_numbers = numbers[by_target]
+    place = np.arange(len(numbers)) - np.searchsorted(sorted_numbers, sorted_numbers)
+    return np.sort(by_target[np.argsort(place, kind="stable")[:count]])
 
 
 def _grow(
     matrix: DesignMatrix, rows: Bool[ndarray, " n"], settings: ForestSettings, guides: list[int]
 ) -> dict[int, Blend]:
     """Grow the forests from some of the instances, without calibration."""
-    guide, instance = np.nonzero(~np.isnan(matrix.success) & rows & (matrix.numbers >= 0))
-    tried = np.bincount(matrix.numbers[instance], minlength=matrix.objects) > 0
+    usable = ~np.isnan(matrix.success) & rows & (matrix.numbers >= 0)[:, None]
+    grasp, guide, instance = np.nonzero(usable)
+    numbers = matrix.numbers[grasp, instance]
+    count, codes = len(matrix.targets), matrix.targets.codes()
+    tried = np.bincount(numbers, minlength=count) > 0
     columns = _columns(matrix.names) if matrix.names else np.zeros(1, dtype=np.int64)
     direct = success_given_error = views = None
     errors: dict[int, ErrorModel] = {}
-    known = np.zeros(matrix.objects, dtype=bool)
+    known = np.zeros(count, dtype=bool)
     forest = {"trees": settings.trees, "seed": settings.seed}
     if settings.direct > 0 and matrix.names:
-        direct = _grow_direct(matrix, guide, instance, settings)
+        trials = _Trials(guide, instance, numbers, matrix.success[usable] == 1)
+        direct = _grow_direct(matrix, trials, codes, settings)
     if settings.direct < 1 and (rows & np.isfinite(matrix.truth).all(axis=2).any(axis=0)).any():
         poses, numbers, success = _trials(matrix, rows, tried)
-        known = np.bincount(numbers, minlength=matrix.objects) > 0
+        known = np.bincount(numbers, minlength=count) > 0
         if known.any():
             views = _grow_views(matrix, rows, forest)
             if matrix.names:
                 errors = _grow_errors(matrix, rows, guides, columns, forest)
             if errors or views is not None:
+                if matrix.targets.has_several:
+                    kept = _drawn(numbers, _MOST_GIVEN_ERROR, settings.seed)
+                    poses, numbers, success = poses[kept], numbers[kept], success[kept]
                 success_given_error = SuccessGivenError.fit(
-                    poses, numbers, success, objects=matrix.objects, **forest
+                    poses, numbers, success, codes=codes, **forest
                 )
     if direct is None and success_given_error is None:
         raise InputError(
@@ -223,7 +273,8 @@ def _grow(
             direct,
             errors.get(k),
             success_given_error,
-            np.eye(len(matrix.success))[k],
+            np.eye(matrix.success.shape[1])[k],
+            codes,
             tried,
             known,
             settings.direct,
@@ -273,19 +324,21 @@ def _grow_views(
 
 def _grow_direct(
     matrix: DesignMatrix,
-    guide: Int[ndarray, " m"],
-    instance: Int[ndarray, " m"],
+    trials: _Trials,
+    codes: Float[ndarray, "t c"],
     settings: ForestSettings,
 ) -> Forest | None:
     """Grow the direct forest from all tried grasps; None if all outcomes are equal."""
     from sklearn.ensemble import ExtraTreesClassifier
 
-    outcome = matrix.success[guide, instance] == 1
+    if matrix.targets.has_several:
+        trials = trials.select(_drawn(trials.numbers, _MOST_DIRECT, settings.seed))
+    guide, outcome = trials.guide, trials.success
     if not outcome.any() or outcome.all():
         return None
-    who = np.eye(len(matrix.success))[guide]
-    which = np.eye(matrix.objects)[matrix.numbers[instance]]
-    inputs = np.concatenate([matrix.features[guide, instance], which, who], axis=1)
+    who = np.eye(matrix.success.shape[1])[guide]
+    features = matrix.features[guide, trials.instance]
+    inputs = np.concatenate([features, codes[trials.numbers], who], axis=1)
     model = ExtraTreesClassifier(
         settings.trees,
         min_samples_leaf=2,
@@ -299,19 +352,19 @@ def _grow_direct(
 def _trials(
     matrix: DesignMatrix, rows: Bool[ndarray, " n"], tried: Bool[ndarray, " o"]
 ) -> tuple[Float[ndarray, "t 4 4"], Int[ndarray, " t"], Bool[ndarray, " t"]]:
-    """Return pose errors, objects and outcomes of trials.
+    """Return pose errors, targets and outcomes of trials.
 
-    Those of tried grasps, whoever guided them, and simulated ones of objects that have none.
+    Those of tried grasps, whoever guided them, and simulated ones of targets that have none.
     """
     outcomes, errors = matrix.all_success, matrix.all_errors
     has_error = np.isfinite(errors).all(axis=(2, 3))
-    usable = ~np.isnan(outcomes) & has_error & rows & (matrix.numbers >= 0)
-    guide, instance = np.nonzero(usable)
-    poses, numbers = errors[guide, instance], matrix.numbers[instance]
-    success = outcomes[guide, instance] == 1
+    usable = ~np.isnan(outcomes) & has_error & rows & (matrix.numbers >= 0)[:, None]
+    grasp, guide, instance = np.nonzero(usable)
+    poses, numbers = errors[guide, instance], matrix.numbers[grasp, instance]
+    success = outcomes[usable] == 1
     if matrix.simulated is None:
         return poses, numbers, success
-    tried = tried | (np.bincount(numbers, minlength=matrix.objects) > 0)
+    tried = tried | (np.bincount(numbers, minlength=len(tried)) > 0)
     lacking = ~tried[matrix.simulated[1]]
     more = [part[lacking] for part in matrix.simulated]
     return (

@@ -5,8 +5,8 @@ together. Given how the supporters disagree, it predicts the distribution of the
 principal's ray frame. Each leaf holds training instances, and those in the leaves that a new
 instance reaches are draws from a nonparametric distribution (a quantile regression forest with a
 6-D response). Stage two, **success given error**, is a forest that is fitted on outcomes or
-simulated trials: from the pose error in the object's frame, and the object, to success, whichever
-estimator made the error. The forecast is the mean of stage two over draws from stage one.
+simulated trials: from the pose error in the object's frame, the object and its grasp, to success,
+whichever estimator made the error. The forecast is the mean of stage two over draws from stage one.
 
 References
 ----------
@@ -141,19 +141,19 @@ def _places(count: int) -> Float[ndarray, " count"]:
 
 @dataclass(frozen=True, eq=False)
 class SuccessGivenError:
-    """Probability of success given the pose error and the object.
+    """Probability of success given the pose error, the object and the grasp.
 
     Attributes
     ----------
     forest
         Its inputs are the error's translation (m), rotation vector (rad), their lengths, and the
-        object's one-hot vector.
-    objects
-        Number of objects.
+        target's code.
+    codes
+        Code of each target (:meth:`graspcast.forecasting.models.targets.Targets.codes`), (T, C).
     """
 
     forest: Forest
-    objects: int
+    codes: Float[ndarray, "t c"]
 
     @classmethod
     def fit(
@@ -162,25 +162,25 @@ class SuccessGivenError:
         numbers: Int[ndarray, " m"],
         success: Bool[ndarray, " m"],
         *,
-        objects: int,
+        codes: Float[ndarray, "t c"],
         trees: int,
         seed: int,
     ) -> SuccessGivenError:
         """Fit on trials whose pose error and outcome are known."""
         from sklearn.ensemble import ExtraTreesClassifier
 
-        rows = np.concatenate([_error_inputs(obj_T_est), np.eye(objects)[numbers]], axis=1)
+        rows = np.concatenate([_error_inputs(obj_T_est), codes[numbers]], axis=1)
         model = ExtraTreesClassifier(
             trees, min_samples_leaf=1, max_features=0.7, random_state=seed, n_jobs=-1
         ).fit(rows.astype(np.float32), success)
-        return cls(flatten(model), objects)
+        return cls(flatten(model), codes)
 
     def probability(
         self, obj_T_est: Float[ndarray, "n 4 4"], numbers: Int[ndarray, " n"]
     ) -> Float[ndarray, " n"]:
         """Forecast the probability of success of grasps guided by estimates with known errors."""
         return self.forest.mean(
-            np.concatenate([_error_inputs(obj_T_est), np.eye(self.objects)[numbers]], axis=1)
+            np.concatenate([_error_inputs(obj_T_est), self.codes[numbers]], axis=1)
         )
 
 
@@ -215,7 +215,7 @@ def expected_success(
     distance
         Distance of each from the camera, metres.
     numbers
-        Each instance's object number in the second stage.
+        The target of each in the second stage.
     est_T_guide
         The pose that guides the grasp, in the frame of the estimate around which true poses are
         drawn; None where that estimate guides.
@@ -238,17 +238,31 @@ def expected_success(
         np.ascontiguousarray(guide, np.float64),
         est_T_guide is not None,
         numbers.astype(np.int64),
+        _repeats(features, axes, distance, est_T_guide),
         *errors.forest.arrays(),
         errors.first,
         errors.offset,
         errors.members,
         errors.truth,
         *success_given_error.forest.arrays(),
-        success_given_error.objects,
+        success_given_error.codes,
         _places(draws),
         min(trees, success_given_error.forest.trees),
         out,
     )
+    return out
+
+
+def _repeats(*columns: ndarray | None) -> Bool[ndarray, " n"]:
+    """Find the rows of columns that are equal to the row before, (n,)."""
+    given = [column for column in columns if column is not None]
+    out = np.ones(len(given[0]), dtype=bool)
+    out[:1] = False
+    for column in given:
+        if not out.any():
+            break
+        same = column[1:] == column[:-1]
+        out[1:] &= same.reshape(len(same), -1).all(axis=1)
     return out
 
 
@@ -318,43 +332,47 @@ def _carry(row, est_T_guide):
 @no_type_check
 @cached_njit(nogil=True)
 def _expected(
-    start, stop, rows, axes, distance, guide, guided, numbers,
+    start, stop, rows, axes, distance, guide, guided, numbers, repeats,
     feature, threshold, right, value, roots, first, offset, members, truth,
-    s_feature, s_threshold, s_right, s_value, s_roots, objects, places, trees_a_draw, out,
+    s_feature, s_threshold, s_right, s_value, s_roots, codes, places, trees_a_draw, out,
 ):  # fmt: skip
     trees, s_trees, draws = len(roots) - 1, len(s_roots) - 1, len(places)
     stride = max(1, s_trees // trees_a_draw)
     nodes = np.empty(draws, np.int64)
+    inputs = np.empty((draws, 8 + codes.shape[1]), dtype=np.float32)
+    turn = np.empty((3, 3))
     for i in range(start, stop):
-        for draw in range(draws):
-            nodes[draw] = roots[draw % trees]
-        walk_together(rows[i], nodes, feature, threshold, right)
-        inputs = np.zeros((draws, 8 + objects), dtype=np.float32)
-        inputs[:, 8 + numbers[i]] = 1.0
-        turn = np.empty((3, 3))
-        for draw in range(draws):
-            tree = draw % trees
-            leaf = right[nodes[draw]] + offset[tree]
-            size = first[leaf + 1] - first[leaf]
-            drawn = truth[members[first[leaf] + int(places[draw] * size)]]
-            # As in pose.ray_frame.error_along; the negated rotation vector, rotated from the ray
-            # frame into the object's, is that of the pose error.
-            _exp(drawn[3:], turn)
-            A, row = axes[i], inputs[draw]
-            for r in range(3):
-                back = 0.0
-                vector = 0.0
-                for c in range(3):
-                    # (Dᵀ s)_c and (-ω)_c, rotated by A
-                    shifted = turn[0, c] * drawn[0] + turn[1, c] * drawn[1] + turn[2, c] * drawn[2]
-                    back += A[r, c] * shifted
-                    vector -= A[r, c] * drawn[3 + c]
-                row[r] = -distance[i] * back
-                row[3 + r] = vector
-            if guided:
-                _carry(row, guide[i])
-            row[6] = np.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
-            row[7] = np.sqrt(row[3] ** 2 + row[4] ** 2 + row[5] ** 2)
+        inputs[:, 8:] = codes[numbers[i]]
+        # The errors of a row that differs from the one before in its target alone are the same.
+        if i == start or not repeats[i]:
+            for draw in range(draws):
+                nodes[draw] = roots[draw % trees]
+            walk_together(rows[i], nodes, feature, threshold, right)
+            for draw in range(draws):
+                tree = draw % trees
+                leaf = right[nodes[draw]] + offset[tree]
+                size = first[leaf + 1] - first[leaf]
+                drawn = truth[members[first[leaf] + int(places[draw] * size)]]
+                # As in pose.ray_frame.error_along; the negated rotation vector, rotated from the
+                # ray frame into the object's, is that of the pose error.
+                _exp(drawn[3:], turn)
+                A, row = axes[i], inputs[draw]
+                for r in range(3):
+                    back = 0.0
+                    vector = 0.0
+                    for c in range(3):
+                        # (Dᵀ s)_c and (-ω)_c, rotated by A
+                        shifted = (
+                            turn[0, c] * drawn[0] + turn[1, c] * drawn[1] + turn[2, c] * drawn[2]
+                        )
+                        back += A[r, c] * shifted
+                        vector -= A[r, c] * drawn[3 + c]
+                    row[r] = -distance[i] * back
+                    row[3 + r] = vector
+                if guided:
+                    _carry(row, guide[i])
+                row[6] = np.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
+                row[7] = np.sqrt(row[3] ** 2 + row[4] ** 2 + row[5] ** 2)
         # Tree by tree, so that its nodes stay in the cache.
         total, count = 0.0, 0
         for tree in range(s_trees):

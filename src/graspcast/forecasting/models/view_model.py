@@ -19,6 +19,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.forecasting.models.calibration import calibrated
+from graspcast.forecasting.models.held_out_choice import choice_from
 from graspcast.forecasting.models.out_of_fold import OutOfFold
 from graspcast.forecasting.models.two_stage import (
     ErrorModel,
@@ -51,6 +52,8 @@ class ViewModel:
         Novelty scores of the training instances, ascending, (m,).
     out_of_fold
         Out-of-fold predictions with the outcomes of single-view guides, or None.
+    choice
+        As of :class:`graspcast.forecasting.models.blend.Blend`.
     """
 
     errors: ErrorModel
@@ -59,6 +62,7 @@ class ViewModel:
     scale: Float[ndarray, " r"]
     scores: Float[ndarray, " m"]
     out_of_fold: OutOfFold | None = None
+    choice: Float[ndarray, "2"] | None = None
 
     @classmethod
     def fit(
@@ -119,7 +123,7 @@ class ViewModel:
         cam_T_guide
             The poses that guide.
         numbers
-            Object numbers of the second stage.
+            Targets of the second stage.
         draws
             Pose errors drawn for each forecast.
         """
@@ -156,6 +160,8 @@ class ViewModel:
         """Return everything learned as named arrays."""
         out = {f"{prefix}/{name}": getattr(self, name) for name in _PLAIN}
         out |= self.errors.to_arrays(f"{prefix}/errors")
+        if self.choice is not None:
+            out[f"{prefix}/choice"] = self.choice
         if self.out_of_fold is not None:
             out |= {f"{prefix}/{k}": v for k, v in self.out_of_fold.to_arrays().items()}
         return out
@@ -186,7 +192,8 @@ class ViewModel:
         }
         calibration, centre, scale, scores = plain
         kept = OutOfFold.from_arrays(below) if below else None
-        return cls(errors, calibration, centre, scale, scores, kept)
+        choice = choice_from(arrays, f"{prefix}/choice")
+        return cls(errors, calibration, centre, scale, scores, kept, choice)
 
 
 _PLAIN = ("calibration", "centre", "scale", "scores")

@@ -25,12 +25,14 @@ from graspcast.forecasting.features import Features
 from graspcast.forecasting.models.calibration import calibrated, fit_calibration
 from graspcast.forecasting.models.encoding import one_hot_numbers
 from graspcast.forecasting.models.forest import Forest, flatten
+from graspcast.forecasting.models.held_out_choice import choice_from, choose_held_out
 from graspcast.forecasting.models.out_of_fold import OutOfFold
+from graspcast.forecasting.models.visibility_settings import VisibilitySettings
 from graspcast.forecasting.splits import fold_numbers
 from graspcast.forecasting.visibility_features import POSE_COLUMNS, SCORE_COLUMN
 from graspcast.io.progress import Progress, step_of
 
-__all__ = ["Visibility", "VisibilitySettings"]
+__all__ = ["Visibility"]
 
 _PARTS = {
     "pose": "the pose",
@@ -42,32 +44,6 @@ _PARTS = {
 _OWN = len(POSE_COLUMNS)
 _FEWEST = 20
 """Outcomes below which a part that needs more than the pose is left out."""
-
-
-@dataclass(frozen=True)
-class VisibilitySettings:
-    """Settings of a visibility model.
-
-    Attributes
-    ----------
-    trees
-        Trees of each forest.
-    min_samples_leaf
-        Outcomes in each leaf, at least.
-    max_features
-        Share of the columns that each split chooses from.
-    folds
-        Folds of the scenes (or blocks of frames) for out-of-fold predictions, by which forecasts
-        are calibrated; 0 for no calibration.
-    seed
-        Of everything random.
-    """
-
-    trees: int = 128
-    min_samples_leaf: int = 3
-    max_features: float = 0.5
-    folds: int = 4
-    seed: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,11 +90,14 @@ class Visibility:
         there.
     out_of_fold
         The out-of-fold predictions, each by the part that knows most, or None without calibration.
+    choice
+        As of :class:`graspcast.forecasting.models.blend.Blend`.
     """
 
     names: tuple[str, ...]
     parts: Mapping[str, _Part]
     out_of_fold: OutOfFold | None = None
+    choice: Float[ndarray, "2"] | None = None
 
     @classmethod
     def fit(
@@ -130,6 +109,7 @@ class Visibility:
         images: ndarray,
         *,
         objects: int,
+        grasps: int = 1,
         settings: VisibilitySettings | None = None,
         progress: Progress | None = None,
     ) -> Visibility:
@@ -152,7 +132,10 @@ class Visibility:
         images
             Each instance's image, ``dataset/scene/image``, (n,).
         objects
-            Number of objects.
+            Number of objects; with several grasps, of targets
+            (:mod:`graspcast.forecasting.models.targets`).
+        grasps
+            Names of grasps: the rows are as many blocks of the same instances.
         settings
             Of the forests.
         progress
@@ -189,9 +172,10 @@ class Visibility:
             known = ~np.isnan(held_out)
             best[known] = part.calibrated(held_out[known])
             parts[name] = part
-        known = ~np.isnan(best)
-        out_of_fold = OutOfFold(best[known], success[known] == 1, np.asarray(images)[known])
-        return cls(features.names, parts, out_of_fold if known.any() else None)
+        found = choose_held_out(best.reshape(grasps, -1), success.reshape(grasps, -1))
+        out_of_fold = OutOfFold(found.probability, found.success, np.asarray(images)[found.rows])
+        kept = out_of_fold if len(found.rows) else None
+        return cls(features.names, parts, kept, found.choice)
 
     @property
     def uses_image(self) -> bool:
@@ -288,6 +272,8 @@ class Visibility:
         for name, part in self.parts.items():
             out |= part.forest.to_arrays(name)
             out |= {f"{name}/tried": part.tried, f"{name}/calibration": part.calibration}
+        if self.choice is not None:
+            out["choice"] = self.choice
         return out | (self.out_of_fold.to_arrays() if self.out_of_fold is not None else {})
 
     @classmethod
@@ -310,7 +296,7 @@ class Visibility:
         if len({len(part.tried) for part in parts.values()}) > 1:
             raise ValueError("the parts of the model know different numbers of objects")
         kept = OutOfFold.from_arrays(arrays) if "out_of_fold/image" in arrays else None
-        return cls(names, parts, kept)
+        return cls(names, parts, kept, choice_from(arrays, "choice"))
 
 
 def _part(arrays: Mapping[str, ndarray], name: str, columns: int) -> _Part:

@@ -147,6 +147,31 @@ class GraspTable:
         kept = [r for r in self if (r.grasp.object, r.grasp.gripper) not in new]
         return GraspTable([*kept, *new])
 
+    def limited(self, names: Sequence[str] = (), most: int | None = None) -> GraspTable:
+        """Return the grasps of some names, and at most so many of each object and gripper.
+
+        Parameters
+        ----------
+        names
+            Names of grasps; all if there are none.
+        most
+            How many of each object and gripper are kept, the first ones; all if None.
+
+        Raises
+        ------
+        UnknownNameError
+            For a name that no grasp has.
+        """
+        known = sorted({reference.grasp.name for reference in self})
+        for name in names:
+            if name not in known:
+                raise UnknownNameError("grasp", name, known, parameters=("grasp",))
+        kept = (
+            [r for r in named.values() if not names or r.grasp.name in names][:most]
+            for named in self._grasps.values()
+        )
+        return GraspTable(reference for some in kept for reference in some)
+
     def pairs(
         self, objects: Iterable[str], grippers: Sequence[str], *, strict: bool
     ) -> list[tuple[str, str]]:
