@@ -69,7 +69,7 @@ def _grasps(options: argparse.Namespace) -> None:
         cells = draw_cells(
             entries,
             grippers,
-            read_grasps(options.grasps),
+            read_grasps(options.grasps, protocol=options.protocol),
             settings=settings,
             catalogue=catalogue,
             bop_dirs=bop_dirs_of(options),

@@ -135,7 +135,7 @@ def _simulate(options: argparse.Namespace) -> None:
     inputs = inputs_of(options, every_object=options.transferred_errors is not None)
     grippers = load_grippers(options.gripper)
     settings = {name: settings_of(options, gripper) for name, gripper in grippers.items()}
-    grasps = read_grasps(options.grasps)
+    grasps = read_grasps(options.grasps, protocol=options.protocol)
     requests = _requests(options, inputs, grasps, tuple(grippers))
     bop_dirs = {name: dataset.root for name, dataset in inputs.datasets.items()}
     catalogue = read_catalogue(options.catalogue)
