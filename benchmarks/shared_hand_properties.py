@@ -93,6 +93,12 @@ class Shape:
     boxes: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
     capsules: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
 
+    @property
+    def reach_m(self) -> float:
+        """Distance from the hand's middle plane beyond which no part of it is."""
+        sides = np.abs(self.capsules[:, [1, 4]]).max(axis=1) + self.capsules[:, 6]
+        return float(max([*(np.abs(self.boxes[:, 1]) + self.boxes[:, 4]), *sides]))
+
 
 def franka(candidate: Candidate) -> Shape:
     """Return the boxes of the open Franka Hand; dimensions of ``FrankaHand`` and the menagerie."""
@@ -158,12 +164,13 @@ def deep(x: float, y: float, z: float, boxes: Any, capsules: Any, tolerance: flo
 @numba.njit(cache=True, fastmath=True)
 def seen(
     points: Any, normals: Any, rotations: Any, shifts: Any, boxes: Any, capsules: Any,
-    tolerance: float, half: float, wide: float, out: Any,
+    reach: float, tolerance: float, half: float, wide: float, out: Any,
 ) -> None:  # fmt: skip
     """For each estimate, write what lies in the open hand at its goal; -1 in column 0 if blocked.
 
     Columns: 1 between the pads, the outermost points' cosines with the closing direction (2, 3);
-    the nearest point to the palm in each of the four columns between the digits (4 to 7).
+    for a hand without pads (``wide`` 0), the nearest point to the palm in each of the four columns
+    between the digits (4 to 7). ``reach`` is that of the hand from its middle plane.
     """
     for i in range(len(rotations)):
         r, t = rotations[i], shifts[i]
@@ -174,16 +181,16 @@ def seen(
             x = r[0, 0] * p + r[0, 1] * q + r[0, 2] * s + t[0]
             y = r[1, 0] * p + r[1, 1] * q + r[1, 2] * s + t[1]
             z = r[2, 0] * p + r[2, 1] * q + r[2, 2] * s + t[2]
-            if deep(x, y, z, boxes, capsules, tolerance):
+            if abs(y) < reach and deep(x, y, z, boxes, capsules, tolerance):
                 out[i, 0] = -1.0
                 break
-            if abs(z) < 0.0085 and abs(y) < wide and abs(x) < half + 0.002:
+            if wide > 0.0 and abs(z) < 0.0085 and abs(y) < wide and abs(x) < half + 0.002:
                 n = r[0, 0] * normals[k, 0] + r[0, 1] * normals[k, 1] + r[0, 2] * normals[k, 2]
                 if x > right:
                     right, out[i, 2] = x, n
                 if x < left:
                     left, out[i, 3] = x, -n
-            for c in range(4):
+            for c in range(0 if wide > 0.0 else 4):
                 within = abs(x) < (0.02 if c < 2 else 0.05)
                 if within and abs(y) < (0.012 if c % 2 == 0 else 0.03):
                     out[i, 4 + c] = min(out[i, 4 + c], z)
@@ -214,7 +221,8 @@ class Model:
         seen(
             self.points, self.normals, np.ascontiguousarray(to_grasp[:, :3, :3]),
             np.ascontiguousarray(to_grasp[:, :3, 3]), self.shape.boxes, self.shape.capsules,
-            c.tolerance_m, c.opening_m / 2, c.pad_m, out,
+            self.shape.reach_m, c.tolerance_m, c.opening_m / 2,
+            c.pad_m if c.gripper == "parallel" else 0.0, out,
         )  # fmt: skip
         free = out[:, 0] >= 0
         if c.gripper == "parallel":
@@ -272,7 +280,7 @@ def results(
             target = targets[pair[0]]
             parallel = candidate.gripper == "parallel"
             shape = franka(candidate) if parallel else tendon_hand(target)
-            model = Model(target, candidate, shape, 1200 if parallel else 500)
+            model = Model(target, candidate, shape, 800 if parallel else 400)
             train, validation = (trials.of(*pair, split) for split in ("train", "validation"))
             start = grasps(*pair).grasp.obj_T_grasp
             best, count = search(model, target, train, start, effort)

@@ -90,6 +90,6 @@ def _grasps(options: argparse.Namespace) -> None:
     if collided:
         note(
             f"collides even with a perfect estimate: {', '.join(collided)}; choose a grasp that "
-            "leaves the hand more room, or --protocol paper, by which the arm presses on"
+            "leaves the hand more room"
         )
     print_text(str(options.out))
