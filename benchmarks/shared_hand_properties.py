@@ -104,7 +104,7 @@ def franka(candidate: Candidate) -> Shape:
     """Return the boxes of the open Franka Hand; dimensions of ``FrankaHand`` and the menagerie."""
     palm, tip, half = candidate.palm_m, 0.0085, candidate.opening_m / 2
     boxes = [(0.0, 0.0, -palm - 0.045, 0.1025, 0.0315, 0.045)]
-    parts = [(0.0, 0.0095, -0.0085, tip, candidate.pad_m), (0.0095, 0.0235, -palm, -0.009, 0.010)]
+    parts = [(0.0, 0.0095, -0.009, tip, candidate.pad_m), (0.0095, 0.0235, -palm, -0.009, 0.010)]
     if candidate.hull:
         edges = np.linspace(-palm, tip, 6)
         along = (edges[1:] + edges[:-1] - 2 * edges[0]) / (2 * (edges[-1] - edges[0]))
@@ -113,9 +113,11 @@ def franka(candidate: Candidate) -> Shape:
             for a, low, high in zip(along, edges[:-1], edges[1:], strict=True)
         ]
     for near, far, low, high, wide in parts:
+        # Parts of one finger: the tolerance must not open a gap between them.
+        start, stop = low - candidate.tolerance_m, min(tip, high + candidate.tolerance_m)
         for side in (-1.0, 1.0):
-            middle = side * (half + (near + far) / 2), 0.0, (low + high) / 2
-            boxes.append((*middle, (far - near) / 2, wide, (high - low) / 2))
+            middle = side * (half + (near + far) / 2), 0.0, (start + stop) / 2
+            boxes.append((*middle, (far - near) / 2, wide, (stop - start) / 2))
     return Shape(boxes=np.array(boxes))
 
 
