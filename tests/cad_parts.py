@@ -59,6 +59,28 @@ def bracket() -> trimesh.Trimesh:
     return blocks(filled, (0.01, 0.01, 0.01))
 
 
+def socket() -> trimesh.Trimesh:
+    """A block of 70 mm with two blind pits."""
+    filled = np.ones((7, 7, 4), dtype=bool)
+    filled[1:3, 1:3, 2:] = False
+    filled[4:6, 4:6, 2:] = False
+    return blocks(filled, (0.01, 0.01, 0.01))
+
+
+def housing() -> trimesh.Trimesh:
+    """An open box of 72 mm with a hole in two of its walls, of cells of 8 mm."""
+    filled = np.ones((9, 7, 5), dtype=bool)
+    filled[1:-1, 1:-1, 1:] = False
+    filled[[0, -1], 3, 2] = False
+    return blocks(filled, (0.008, 0.008, 0.008))
+
+
+def plug() -> trimesh.Trimesh:
+    """A stepped plug of 50 mm along z, 40 and 24 mm in diameter."""
+    outline = [(0, 0), (0.02, 0), (0.02, 0.025), (0.012, 0.025), (0.012, 0.05), (0, 0.05)]
+    return trimesh.creation.revolve(outline, sections=48)
+
+
 def tube(sections: int = 48) -> trimesh.Trimesh:
     """A tube of 60 mm in diameter, 10 mm thick and 60 mm long, along z."""
     return trimesh.creation.annulus(0.02, 0.03, 0.06, sections=sections)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from graspcast.perception.crops import Crop
-from graspcast.perception.network import CropEstimator, TrainedObject
+from graspcast.perception.network import CropEstimator
+from graspcast.perception.trained_objects import TrainedObject
 from graspcast.pose.transforms import rotation_angle
 
 K = np.array([[572.4, 0.0, 325.3], [0.0, 573.6, 242.0], [0.0, 0.0, 1.0]])

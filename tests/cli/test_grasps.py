@@ -51,6 +51,24 @@ def test_a_grasp_that_collides_at_the_true_pose_is_said_to(
     assert "blocked" in out and "collides" not in err
 
 
+def test_every_grasp_of_an_object_is_drawn(
+    tmp_path: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    from graspcast.simulation.grasps.table import ReferenceGrasp, grasps_in, write_grasps
+
+    (reference,) = grasps_in(tmp_path / "grasps.toml")
+    high = reference.grasp.obj_T_grasp.copy()
+    high[2, 3] += 0.2
+    missing = ReferenceGrasp(Grasp(high, "cube", "parallel", "air"), "too high")
+    write_grasps(tmp_path / "grasps.toml", [reference, missing])
+    command = ["grasps", *tables, "--objects", "cube", "--gripper", "parallel", "--size", "100"]
+    command += ["--out", str(tmp_path / "sheet.png"), "--every-grasp"]
+    assert main(command) == 0
+    said = capsys.readouterr().out
+    assert "cube, reference by parallel" in said and "held" in said
+    assert "cube, air by parallel" in said and "missed" in said
+
+
 def test_only_png_sheets_and_known_objects(
     tmp_path: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

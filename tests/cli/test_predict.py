@@ -282,3 +282,27 @@ def test_a_model_of_few_outcomes_of_one_scene_warns_when_trained_and_when_used(
 def predicted(trained: Path, tmp_path: Path, model: str, capsys: pytest.CaptureFixture[str]) -> str:
     assert main(forests.predict(trained, tmp_path, models=(model,))) == 0
     return capsys.readouterr().err
+
+
+def test_verdicts_on_an_object_without_images(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    looks = tmp_path / "looks"
+
+    def verdicts(*more: str) -> list[str]:
+        some = ["--transferred-errors", "8", *more]
+        return forests.predict(trained, tmp_path, *some, models=("simulated.npz",))
+
+    assert main(verdicts("--objects", "made-2", "--transferred-to", str(looks))) == 0
+    out, err = capsys.readouterr()
+    assert "8 verdicts" in out
+    rows = forests.verdicts(tmp_path)
+    assert {(row["dataset"], row["obj_id"], row["scene_id"]) for row in rows} == {
+        ("made", "2", "0")
+    }
+    assert [int(row["im_id"]) for row in rows] == list(range(8))
+    assert str(looks / "b_made-test.csv") in err and (looks / "b_made-test.csv").exists()
+    said = refused(verdicts(), capsys)
+    assert "name the objects" in said and "--objects" in said
+    said = refused(verdicts("--objects", "made-2", "--camera-poses", "a.csv"), capsys)
+    assert "neither images nor camera poses" in said

@@ -108,10 +108,7 @@ def test_what_cannot_be_simulated_is_refused(
     assert "unknown grasp of 'made-1' by 'parallel'" in said and "Write it in a TOML" in said
     for more in ([], ["--lenient"]):
         said = refused(simulate(world, *more), capsys)
-        assert (
-            "no estimate has both a ground truth and a reference grasp; write grasps of made-1 by"
-            in said
-        )
+        assert "no estimate has both a ground truth and a grasp; write grasps of made-1 by" in said
     said = refused(simulate(world, *tables, "--gripper", "franka"), capsys)
     assert "two grippers are called 'parallel': parallel and franka" in said
     assert not (world / "campaign").exists()
@@ -137,7 +134,7 @@ def test_an_object_without_grasp_or_mesh_stops_no_trial_of_others(
     assert main(command) == 0
     out, err = capsys.readouterr()
     assert "campaign: 5 trials" in out
-    assert "left out 5 trials without a reference grasp: made-2 by parallel" in err
+    assert "left out 5 trials without a grasp: made-2 by parallel" in err
     assert "made-1 60 mm, 0.1 kg, 463 kg/m³; parallel gripper opens to 80 mm" in err
     text = table.read_text()
     table.write_text(text + text[text.index("[[grasp]]") :].replace("made-1", "made-2"))
@@ -145,3 +142,71 @@ def test_an_object_without_grasp_or_mesh_stops_no_trial_of_others(
     assert "left out 5 trials of made-2: it is not in the catalogue" in capsys.readouterr().err
     said = refused([*command, "--objects", "made-1", "made-2"], capsys)
     assert "made-2" in said
+
+
+def test_errors_are_transferred_or_drawn_without_estimates_of_the_object(
+    world: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    def campaign(name: str, *more: str) -> tuple[pl.DataFrame, dict[str, str], str]:
+        out = ["--objects", "made-1", "--gripper", "parallel", "--workers", "1", *tables]
+        out += ["--transferred-errors", "6", "--out", str(world / name)]
+        assert main(["simulate", *out, *more]) == 0
+        sources = json.loads((world / name / "manifest.json").read_text())["sources"]
+        card = (world / name / "README.md").read_text()
+        return pl.read_parquet(world / name / "outcomes.parquet"), sources, card
+
+    small, sources, card = campaign("small", "--deviations", "0.1", "0.1", "0.1")
+    assert small["estimator"].unique().to_list() == ["transferred"] and len(small) == 6
+    assert small["success"].all()
+    assert sources == {
+        "drawn errors": "Student's t with 4 degrees of freedom, standard deviations of 0.1 mm "
+        "across and 0.1 mm along the viewing ray, and 0.1 degrees"
+    }
+    assert sources["drawn errors"] in card and "`transferred` if its error" in card
+    assert sources["drawn errors"] in capsys.readouterr().err
+    large, _, _ = campaign("large", "--deviations", "60", "60", "40", "--tails", "inf")
+    assert large["success"].sum() < 3
+    with pytest.raises(AssertionError):  # of the object itself alone
+        campaign("own", *inputs(world, "a"))
+    assert "no errors to transfer to made-1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ([], ["give estimates", "--estimates", "--deviations"]),
+        (["--estimates", "a=a.csv"], ["give the BOP directory", "--bop"]),
+        (["--deviations", "1", "1", "1", "--estimates", "a=a.csv"], ["one or the other"]),
+        (["--tails", "5"], ["give their standard deviations", "--deviations"]),
+        (["--deviations", "1", "1", "1", "--transferred-errors", "0"], ["count is 0"]),
+        (["--covariances", "none.csv"], ["none.csv", "cannot be read"]),
+    ],
+)
+def test_what_no_errors_can_be_taken_from_is_said(
+    world: Path,
+    tables: list[str],
+    options: list[str],
+    words: list[str],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = [
+        "--objects",
+        "made-1",
+        "--gripper",
+        "parallel",
+        *tables,
+        "--out",
+        str(world / "campaign"),
+    ]
+    said = refused(["simulate", "--transferred-errors", "4", *out, *options], capsys)
+    assert all(word in said for word in words), said
+    assert not (world / "campaign").exists()
+
+
+def test_drawn_errors_need_a_number_of_trials_and_objects(
+    world: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = ["--gripper", "parallel", *tables, "--out", str(world / "campaign")]
+    drawn = ["simulate", *out, "--deviations", "1", "1", "1"]
+    assert "--transferred-errors" in refused(drawn, capsys)
+    assert "--objects" in refused([*drawn, "--transferred-errors", "4"], capsys)

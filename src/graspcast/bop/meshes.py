@@ -19,7 +19,7 @@ from graspcast.errors import FormatError
 from graspcast.io.files import atomic_write
 from graspcast.io.reading import read_bytes
 
-__all__ = ["Mesh", "read_coloured_mesh", "read_mesh", "write_mesh"]
+__all__ = ["Mesh", "load_with_colours", "read_coloured_mesh", "read_mesh", "write_mesh"]
 
 _log = logging.getLogger(__name__)
 
@@ -62,20 +62,48 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
 
 
 def read_coloured_mesh(path: str | PathLike[str]) -> tuple[Mesh, UInt8[ndarray, "v 3"]]:
-    """Read a BOP model with the RGB colour of each vertex.
+    """Read a BOP model with the RGB colour of each vertex; grey if it has none.
 
-    The colours are the file's vertex colours, the means of its face colours at each vertex, or
-    those of its texture at each vertex; grey if it has none, or, which is logged as a warning, a
-    texture that cannot be read.
+    The colours are those of :func:`load_with_colours`.
 
     Raises
     ------
     FormatError
         As :func:`read_mesh`.
     """
+    path = Path(path)
+    loaded, colours = load_with_colours(path)
+    mesh = _mesh(path, loaded)
+    if colours is None:
+        colours = np.full(mesh.vertices.shape, _GREY, dtype=np.uint8)
+    return mesh, colours
+
+
+def load_with_colours(
+    path: Path, kind: str = "ply", **options: Any
+) -> tuple[Any, UInt8[ndarray, "v 3"] | None]:
+    """Load a mesh file with trimesh, and the RGB colour of each of its vertices.
+
+    The colours are the file's vertex colours, the means of its face colours at each vertex, or
+    those of its texture at each vertex; None if it has none, or, which is logged as a warning, a
+    texture that cannot be read.
+
+    Parameters
+    ----------
+    path
+        The file; textures are beside it.
+    kind
+        What kind of file it is.
+    **options
+        Passed on to ``trimesh.load``.
+
+    Raises
+    ------
+    FormatError
+        If the file cannot be read.
+    """
     import trimesh
 
-    path = Path(path)
     named: list[str] = []
 
     class Textures(trimesh.resolvers.FilePathResolver):
@@ -94,21 +122,19 @@ def read_coloured_mesh(path: str | PathLike[str]) -> tuple[Mesh, UInt8[ndarray, 
     log = logging.getLogger("trimesh.util")
     log.addFilter(is_no_warning)
     try:
-        loaded = _load(path, resolver=Textures(str(path)))
+        loaded = _load(path, kind, resolver=Textures(str(path)), **options)
     finally:
         log.removeFilter(is_no_warning)
-    mesh = _mesh(path, loaded)
     painted = getattr(getattr(loaded, "visual", None), "kind", None) == "texture"
-    colours = None if painted and unread else _colours(loaded, len(mesh.vertices))
+    count = len(getattr(loaded, "vertices", ()))
+    colours = None if painted and unread else _colours(loaded, count)
     if colours is None and named:
         _log.warning(
             "%s: its texture %s is not there, or cannot be read; the object is drawn grey",
             path,
             named[0],
         )
-    if colours is None:
-        colours = np.full(mesh.vertices.shape, _GREY, dtype=np.uint8)
-    return mesh, colours
+    return loaded, colours
 
 
 def _colours(loaded: Any, count: int) -> UInt8[ndarray, "v 3"] | None:
@@ -138,14 +164,14 @@ def write_mesh(
         temporary.write_bytes(made.export(file_type="ply", vertex_normal=False))
 
 
-def _load(path: Path, **options: Any) -> Any:
+def _load(path: Path, kind: str = "ply", **options: Any) -> Any:
     import trimesh
 
     content = read_bytes(path)
     try:
-        return trimesh.load(io.BytesIO(content), file_type="ply", process=False, **options)
+        return trimesh.load(io.BytesIO(content), file_type=kind, process=False, **options)
     except Exception as error:  # trimesh raises many types
-        raise FormatError(path, f"is not a PLY mesh ({error})") from error
+        raise FormatError(path, f"is not a {kind.upper()} mesh ({error})") from error
 
 
 def _mesh(path: Path, loaded: Any) -> Mesh:

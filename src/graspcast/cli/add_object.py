@@ -160,32 +160,44 @@ def _check(options: argparse.Namespace, sources: Sequence[Source], told: Told) -
 def _make(
     options: argparse.Namespace, sources: Sequence[Source], told: Told, table: MassTable | None
 ) -> list[NewObject]:
-    from graspcast.simulation.objects.new_object import make_object
+    from graspcast.simulation.objects.new_object import check_mesh, make_object
 
-    made, refused = [], []
-    with progress_bar("reading") as move:
-        for i, source in enumerate(sources):
-            move(i / len(sources), source.path.name)
-            try:
-                mine = told if table is None else table.told(source.path, source.obj_id, told)
-                made.append(
-                    make_object(source.path, options.dataset, source.obj_id, mine, info=source.info)
-                )
-            except GraspcastError as error:
-                if len(sources) == 1:
-                    raise
-                refused.append(str(error))
+    made: list[NewObject] = []
+    refused: dict[Path, str] = {}
+    # What a file alone tells is said before hours of decomposition.
+    steps = (check_mesh, make_object) if len(sources) > 1 else (make_object,)
+    for step in steps:
+        with progress_bar("checking" if step is check_mesh else "reading") as move:
+            for i, source in enumerate([s for s in sources if s.path not in refused]):
+                move(i / len(sources), source.path.name)
+                try:
+                    mine = told if table is None else table.told(source.path, source.obj_id, told)
+                    one = step(source.path, options.dataset, source.obj_id, mine, info=source.info)
+                    if one is not None:
+                        made.append(one)
+                except GraspcastError as error:
+                    if len(sources) == 1:
+                        raise
+                    refused[source.path] = str(error)
+        _check_refused(options, sources, list(refused.values()))
     if refused:
-        note(*(f"left out: {text}" if options.lenient else text for text in refused))
-    if refused and not (options.lenient and made):
+        note(*(f"left out: {text}" for text in refused.values()))
+    if table is not None and table.unused:
+        note(f"{table.path}: no mesh has the names {', '.join(table.unused)}")
+    return made
+
+
+def _check_refused(
+    options: argparse.Namespace, sources: Sequence[Source], refused: Sequence[str]
+) -> None:
+    """Raise if objects are refused, unless they are to be left out and others are left."""
+    if refused and not (options.lenient and len(refused) < len(sources)):
+        note(*refused)
         raise InputError(
             f"{options.mesh}: {len(refused)} of {len(sources)} objects are refused, and nothing is "
             "written",
             parameters=("lenient",),
         )
-    if table is not None and table.unused:
-        note(f"{table.path}: no mesh has the names {', '.join(table.unused)}")
-    return made
 
 
 def _add_object(options: argparse.Namespace) -> None:

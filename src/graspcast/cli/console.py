@@ -7,7 +7,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Protocol, runtime_checkable
 
-__all__ = ["logged_as_notes", "note", "print_table", "print_text", "progress_bar"]
+__all__ = ["logged_as_notes", "note", "print_table", "print_text", "progress_bar", "stage"]
+
+_A_LINE_S = 60.0
 
 
 def print_text(text: str) -> None:
@@ -103,3 +105,26 @@ def progress_bar(text: str) -> Iterator[Move]:
             bar.update(task, completed=share, description=escape(message))
 
         yield move
+
+
+@contextmanager
+def stage(text: str) -> Iterator[Move]:
+    """Show the progress of work of hours: a bar on a terminal, elsewhere a line a minute."""
+    import sys
+    import time
+
+    if sys.stderr.isatty():
+        with progress_bar(text) as move:
+            move(0.0)
+            yield lambda share, message="": move(share, f"{text}: {message}" if message else text)
+        return
+    said = time.monotonic()
+    note(text)
+
+    def report(share: float, message: str = "") -> None:
+        nonlocal said
+        if time.monotonic() - said >= _A_LINE_S:
+            said = time.monotonic()
+            note(f"{text}: {share:.0%}{', ' if message else ''}{message}")
+
+    yield report

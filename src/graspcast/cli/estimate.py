@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text, progress_bar
-from graspcast.cli.options import Verbs, add_out, new_verb
+from graspcast.cli.options import Verbs, add_out, maybe_named, new_verb
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.io.wording import counted
 
@@ -35,7 +35,11 @@ def add(verbs: Verbs) -> None:
         "--save {out}'",
     )
     verb.add_argument(
-        "--bop", metavar="DIR", type=Path, required=True, help="BOP dataset directory with images"
+        "--bop",
+        metavar="DIR",
+        type=maybe_named,
+        required=True,
+        help="BOP dataset directory with images; NAME=DIR if the directory is called otherwise",
     )
     verb.add_argument(
         "--split", metavar="NAME", default="test", help="the split with the images (default: test)"
@@ -102,7 +106,8 @@ def _estimate(options: argparse.Namespace) -> None:
         raise InputError("--weights is for a built-in estimator; put them into the command instead")
     if not is_command and options.timeout_s:
         raise InputError(f"--timeout is for a command; {name} is built in")
-    dataset = BopDataset(options.bop, split=options.split)
+    dataset_name, root = options.bop
+    dataset = BopDataset(root, split=options.split, name=dataset_name)
     _note_name(options.out, dataset.name)
     detections = read_detections(options.detections, dataset, lenient=options.lenient)
     _note_dropped(detections)

@@ -91,8 +91,7 @@ def _trials_of(options: argparse.Namespace) -> tuple[ObservedTrials, dict[str, P
     if not (options.estimates and options.bop and options.outcomes):
         raise InputError(
             "give --data, or else --estimates, --bop and --outcomes. The search needs outcomes of "
-            "real trials; without them, write a grasp by hand in a TOML file, and look at it with "
-            "graspcast watch --grasps FILE"
+            "real trials; without them, graspcast propose-grasps finds grasps"
         )
     inputs = inputs_of(options)
     names = sorted({name for tables in inputs.results.values() for name in tables})
@@ -142,7 +141,7 @@ def _fit_grasp(options: argparse.Namespace) -> None:
     reference = found.with_test(test, options.seed)
     rows = [[name.replace("_", " "), str(value)] for name, value in reference.agreement.items()]
     print_table(f"{pair[0]} by {pair[1]}", ["", ""], rows)
-    others = [r for r in mine if (r.grasp.object, r.grasp.gripper) != pair]
+    others = [r for r in mine if str(r.grasp) != str(reference.grasp)]
     write_grasps(options.out, [*others, reference])
     print_text(f"{options.out}: {len(others) + 1} grasps")
     write_json(options.json, {"test": asdict(test), **reference.agreement})

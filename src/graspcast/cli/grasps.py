@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_table, print_text, progress_bar
 from graspcast.cli.options import (
@@ -18,6 +20,10 @@ from graspcast.cli.options import (
 )
 from graspcast.cli.protocol_options import add_protocol, settings_of
 from graspcast.errors import InputError
+
+if TYPE_CHECKING:
+    from graspcast.rendering.trials.contact_sheet import Cell
+    from graspcast.simulation.objects.catalogue import ObjectEntry
 
 __all__ = ["add"]
 
@@ -41,12 +47,28 @@ def add(verbs: Verbs) -> None:
         default=[],
         help="only these, or the .toml file of a custom one; may be repeated",
     )
+    verb.add_argument(
+        "--every-grasp",
+        action="store_true",
+        help="draw every grasp of an object, not the reference grasp alone",
+    )
     add_tables(verb)
     add_protocol(verb)
     verb.add_argument(
         "--size", metavar="PIXELS", type=field_size, default=320, help="of a picture (default: 320)"
     )
     add_out(verb, "the sheet (.png)")
+
+
+def _labels(
+    entries: Sequence[ObjectEntry], cells: Mapping[tuple[str, str], Cell]
+) -> list[tuple[str, str]]:
+    """Return the columns of the sheet: an object, or one of its grasps, with its label."""
+    found = []
+    for name in dict.fromkeys(name for name, _ in cells):
+        entry = next(e for e in entries if name == e.name or name.startswith(f"{e.name}, "))
+        found.append((name, entry.label))
+    return found
 
 
 def _grasps(options: argparse.Namespace) -> None:
@@ -75,13 +97,15 @@ def _grasps(options: argparse.Namespace) -> None:
             bop_dirs=bop_dirs_of(options),
             size=options.size,
             collision=options.collision,
+            every_grasp=options.every_grasp,
             progress=move,
         )
     note_sizes([cell.target for cell in cells.values() if cell.target is not None], grippers)
-    labels = [(entry.name, entry.label) for entry in entries]
+    labels = _labels(entries, cells)
     save_sheet(options.out, labels, [g.name for g in grippers], cells, size=options.size)
     rows = [(f"{name} by {gripper}", cell.note) for (name, gripper), cell in cells.items()]
-    print_table("Reference grasps with a perfect estimate", ["", "outcome"], rows)
+    which = "Grasps" if options.every_grasp else "Reference grasps"
+    print_table(f"{which} with a perfect estimate", ["", "outcome"], rows)
     collided = [
         f"{name} by {gripper}"
         for (name, gripper), cell in cells.items()

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from graspcast.cli.built_in_estimates import named, named_or_built_in, with_built_in
 from graspcast.cli.console import note
 from graspcast.errors import InputError
 
@@ -66,35 +67,29 @@ def new_verb(
     return verb
 
 
-def _named(text: str) -> tuple[str, Path]:
-    name, equals, path = text.partition("=")
-    if not (name and equals and path):
-        raise argparse.ArgumentTypeError(f"NAME=FILE is needed, not {text!r}")
-    return name, Path(path)
-
-
 def maybe_named(text: str) -> tuple[str | None, Path]:
     """Parse ``NAME=PATH`` or a path alone."""
     name = text.partition("=")[0]
     # A path may hold an equals sign; a name is none, and a directory that is there is meant.
     path_alone = "=" not in text or "/" in name or Path(text).is_dir()
-    return (None, Path(text)) if path_alone else _named(text)
+    return (None, Path(text)) if path_alone else named(text)
 
 
-def add_estimates(verb: argparse.ArgumentParser, *, required: bool) -> None:
-    """``--estimates``."""
+def add_estimates(verb: argparse.ArgumentParser, *, required: bool, built_in: bool = False) -> None:
+    """``--estimates``; ``built_in`` accepts the word that stands for the shipped tables too."""
     verb.add_argument(
         "--estimates",
         metavar="NAME=FILE",
-        type=_named,
+        type=named_or_built_in if built_in else named,
         action="append",
         default=[],
         required=required,
-        help="an estimator's BOP results CSV; once for each estimator (and dataset)",
+        help="an estimator's BOP results CSV; once for each estimator (and dataset)"
+        + ("; built-in: those of the built-in estimators on the shipped tables" * built_in),
     )
 
 
-def add_bop(verb: argparse.ArgumentParser, *, required: bool = False) -> None:
+def add_bop(verb: argparse.ArgumentParser) -> None:
     """``--bop``, ``--ground-truth``."""
     verb.add_argument(
         "--bop",
@@ -102,7 +97,6 @@ def add_bop(verb: argparse.ArgumentParser, *, required: bool = False) -> None:
         type=maybe_named,
         action="append",
         default=[],
-        required=required,
         help="BOP dataset directory with models; NAME=DIR if the directory is called otherwise",
     )
     verb.add_argument(
@@ -119,8 +113,9 @@ def add_inputs(
     verb: argparse.ArgumentParser, *, bop_required: bool = False, required: bool = True
 ) -> None:
     """Options that name estimates and their datasets, and which of them are wanted."""
-    add_estimates(verb, required=required)
-    add_bop(verb, required=bop_required)
+    add_estimates(verb, required=required, built_in=True)
+    add_bop(verb)
+    verb.set_defaults(bop_required=bop_required)
     verb.add_argument(
         "--objects", metavar="ID", nargs="+", default=[], help="only these (5, or lmo-5)"
     )
@@ -136,10 +131,16 @@ def inputs_of(options: argparse.Namespace, *, every_object: bool = False) -> Inp
     """Load what the options of :func:`add_inputs` name."""
     from graspcast.estimates.loading import load_inputs
 
+    files = with_built_in(options)
+    if options.bop_required and not files.bop:
+        raise InputError(
+            "models and ground truth are needed: give the BOP directory of the estimates",
+            parameters=("bop",),
+        )
     return load_inputs(
-        options.estimates,
-        bop=options.bop,
-        ground_truth=options.ground_truth,
+        files.estimates,
+        bop=files.bop,
+        ground_truth=files.ground_truth,
         objects=[] if every_object else options.objects,
         scenes=sorted(set().union(*options.scenes)),
         lenient=options.lenient,

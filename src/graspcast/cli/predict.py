@@ -14,8 +14,11 @@ from graspcast.cli.options import (
     add_inputs,
     add_ood_alpha,
     add_out,
+    count,
+    inputs_of,
     inputs_with_images,
     new_verb,
+    positive,
     share,
 )
 from graspcast.cli.view_options import add_policy, motions_of, policy_options
@@ -23,6 +26,8 @@ from graspcast.errors import InputError
 from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
+    from graspcast.estimates.loading import Inputs
+    from graspcast.forecasting.fallbacks import Fallbacks
     from graspcast.forecasting.verdict import VerdictRow
 
 __all__ = ["add"]
@@ -71,9 +76,7 @@ def add(verbs: Verbs) -> None:
         "out of distribution; 0 accepts every p-value (default: 0.01)",
     )
     verb.add_argument(
-        "--explain",
-        action="store_true",
-        help="say in each reason which features moved the probability most",
+        "--explain", action="store_true", help="say which features moved each probability most"
     )
     add_policy(
         verb,
@@ -89,7 +92,27 @@ def add(verbs: Verbs) -> None:
         "verdicts after each look to this CSV, with the columns instance, looks and ended; --out "
         "then holds the verdicts at which looking ended",
     )
+    _add_transferred(verb)
     add_out(verb, "the verdicts' CSV", others=("stages",))
+
+
+def _add_transferred(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument(
+        "--transferred-errors",
+        metavar="N",
+        type=positive,
+        help="instead, verdicts on N instances of each object that --objects names, which may be\n"
+        "without images: estimates of other objects, seen from random sides, as if they were of it",
+    )
+    verb.add_argument(
+        "--seed", metavar="N", type=count, default=0, help="random seed of --transferred-errors"
+    )
+    verb.add_argument(
+        "--transferred-to",
+        metavar="DIR",
+        type=Path,
+        help="write these estimates as results files too, with their ground truth",
+    )
 
 
 def _predict(options: argparse.Namespace) -> None:
@@ -106,7 +129,10 @@ def _predict(options: argparse.Namespace) -> None:
     models = Fallbacks(Forecaster.load(path) for path in options.model)
     certificates = [Certificate.load(path) for path in options.certificate]
     used = any(m.visibility is not None and m.visibility.uses_image for m in models)
-    inputs = inputs_with_images(options, used=used)
+    if options.transferred_errors is None:
+        inputs = inputs_with_images(options, used=used)
+    else:
+        inputs = _transferred(options, models)
     how = {
         "threshold": 0.5 if options.threshold is None else options.threshold,
         "certificates": certificates,
@@ -132,6 +158,28 @@ def _predict(options: argparse.Namespace) -> None:
     _print_counts(options.out, rows)
     for certificate in certificates:
         print_text(str(certificate.overall))
+
+
+def _transferred(options: argparse.Namespace, models: Fallbacks) -> Inputs:
+    """Return the estimates of other objects, transferred to those that the options name."""
+    from graspcast.estimates.transferred_estimates import transfer_estimates
+
+    if options.camera_poses or options.images:
+        raise InputError(
+            "transferred estimates have neither images nor camera poses",
+            parameters=("camera_poses", "images"),
+        )
+    principal = next(iter(models)).card.principal
+    found = transfer_estimates(
+        inputs_of(options, every_object=True),
+        principal,
+        options.objects,
+        count=options.transferred_errors,
+        seed=options.seed,
+    )
+    if options.transferred_to is not None:
+        note(*(f"wrote {path}" for path in found.write(options.transferred_to)))
+    return found.inputs
 
 
 def _print_counts(path: Path, rows: Sequence[VerdictRow]) -> None:

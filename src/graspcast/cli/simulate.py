@@ -7,20 +7,26 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_table, print_text, progress_bar
+from graspcast.cli.error_options import add_covariance, add_tails, drawn_errors
 from graspcast.cli.options import (
     Verbs,
     add_inputs,
     add_out,
+    count,
     inputs_of,
     new_verb,
     note_sizes,
 )
 from graspcast.cli.protocol_options import add_protocol, settings_of
+from graspcast.errors import InputError
 from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
+    from polars import DataFrame
+
     from graspcast.estimates.loading import Inputs
     from graspcast.simulation.campaign.executors import Executor
+    from graspcast.simulation.campaign.pose_errors import PoseErrors
     from graspcast.simulation.campaign.requests import TrialRequests
     from graspcast.simulation.grasps.table import GraspTable
 
@@ -38,7 +44,7 @@ def add(verbs: Verbs) -> None:
         "of Parquet files. The same command resumes an interrupted campaign. Objects without a\n"
         "reference grasp or a mesh are left out and counted, unless --objects names them.",
     )
-    add_inputs(verb, bop_required=True)
+    add_inputs(verb, bop_required=True, required=False)
     verb.add_argument(
         "--gripper",
         metavar="NAME",
@@ -50,11 +56,13 @@ def add(verbs: Verbs) -> None:
         "--transferred-errors",
         metavar="N",
         type=int,
-        help="instead, N trials of each object with errors made on other objects; --objects names\n"
-        "objects that may have no images",
+        help="instead, N trials of each grasp with errors made on other objects (--estimates) or\n"
+        "drawn (--deviations, --covariances); --objects names objects that may have no images",
     )
+    add_covariance(verb, "from which --transferred-errors are drawn")
+    add_tails(verb)
     verb.add_argument(
-        "--seed", metavar="N", type=int, default=0, help="random seed of --transferred-errors"
+        "--seed", metavar="N", type=count, default=0, help="random seed of --transferred-errors"
     )
     verb.add_argument(
         "--grasps",
@@ -92,51 +100,80 @@ def _strict(options: argparse.Namespace) -> bool:
 
 
 def _requests(
-    options: argparse.Namespace, inputs: Inputs, grasps: GraspTable, grippers: tuple[str, ...]
+    options: argparse.Namespace,
+    inputs: Inputs,
+    errors: PoseErrors | None,
+    grasps: GraspTable,
+    grippers: tuple[str, ...],
 ) -> TrialRequests:
     from graspcast.simulation.campaign.from_estimates import trials_from_estimates
     from graspcast.simulation.campaign.transferred_errors import trials_from_transferred_errors
 
-    if options.transferred_errors is None:
+    if errors is None:
         return trials_from_estimates(
             inputs.results,
             inputs.datasets,
             grippers,
-            grasps=None if _strict(options) else grasps,
+            grasps=grasps,
+            strict=_strict(options),
             notes=inputs.notes,
         )
     objects = options.objects or inputs.objects
+    if not objects:
+        raise InputError("name the objects of the trials", parameters=("objects",))
     pairs = grasps.pairs(objects, grippers, strict=bool(options.objects))
     lacking = sorted({(o, g) for o in objects for g in grippers} - set(pairs))
     if lacking:
         names = ", ".join(f"{name} by {gripper}" for name, gripper in lacking)
-        inputs.notes.append(f"left out what has no reference grasp: {names}")
+        inputs.notes.append(f"left out what has no grasp: {names}")
     return trials_from_transferred_errors(
-        inputs.results,
-        inputs.datasets,
-        pairs,
+        errors,
+        [reference.grasp for pair in pairs for reference in grasps.of(*pair)],
         count=options.transferred_errors,
         seed=options.seed,
     )
 
 
+def _inputs(options: argparse.Namespace, drawn: PoseErrors | None) -> Inputs:
+    """Load the estimates; where errors are drawn there are none, but models."""
+    from graspcast.bop.dataset import BopDataset
+    from graspcast.estimates.loading import Inputs
+
+    transferred = options.transferred_errors is not None
+    if drawn is not None:
+        if not transferred:
+            raise InputError(
+                "drawn errors are for trials of objects without images: say how many of each",
+                parameters=("transferred_errors",),
+            )
+        found = [BopDataset(root, name=name) for name, root in options.bop]
+        return Inputs({dataset.name: dataset for dataset in found}, {})
+    if not options.estimates:
+        either = ", or standard deviations by which to draw their errors" * transferred
+        raise InputError(
+            f"give estimates{either}", parameters=("estimates", *(["deviations"] * transferred))
+        )
+    # Errors are transferred from all objects; --objects names those that they are transferred to.
+    return inputs_of(options, every_object=transferred)
+
+
 def _simulate(options: argparse.Namespace) -> None:
-    from graspcast.simulation.campaign.campaign import (
-        mostly_collided,
-        reason_counts,
-        run_campaign,
-    )
+    from graspcast.simulation.campaign.campaign import run_campaign
     from graspcast.simulation.campaign.jobs import available_trials, load_setups
+    from graspcast.simulation.campaign.pose_errors import PoseErrors
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_grippers
     from graspcast.simulation.objects.catalogue import read_catalogue
 
-    # Errors are transferred from all objects; --objects names those that they are transferred to.
-    inputs = inputs_of(options, every_object=options.transferred_errors is not None)
+    drawn = drawn_errors(options)
+    inputs = _inputs(options, drawn)
+    errors = drawn
+    if errors is None and options.transferred_errors is not None:
+        errors = PoseErrors.of_estimates(inputs.results, inputs.datasets)
     grippers = load_grippers(options.gripper)
     settings = {name: settings_of(options, gripper) for name, gripper in grippers.items()}
     grasps = read_grasps(options.grasps, protocol=options.protocol)
-    requests = _requests(options, inputs, grasps, tuple(grippers))
+    requests = _requests(options, inputs, errors, grasps, tuple(grippers))
     bop_dirs = {name: dataset.root for name, dataset in inputs.datasets.items()}
     catalogue = read_catalogue(options.catalogue)
     if not _strict(options):
@@ -151,29 +188,52 @@ def _simulate(options: argparse.Namespace) -> None:
         grippers=grippers,
     )
     note_sizes(
-        [setup.grasp_object for setup in setups.values()],
+        {setup.grasp_object.name: setup.grasp_object for setup in setups.values()}.values(),
         {setup.gripper.name: setup.gripper for setup in setups.values()}.values(),
     )
-    sources = {
-        f"{estimator} on {name}": table.source
-        for name, tables in inputs.results.items()
-        for estimator, table in tables.items()
-    }
+    if drawn is not None:
+        note(*(f"{name}: {told}" for name, told in drawn.sources.items()))
     with progress_bar("simulating") as move:
         outcomes = run_campaign(
             requests,
             setups,
             options.out,
             executor=_executor(options),
-            sources=sources,
+            sources=_sources(inputs, errors),
             progress=move,
         )
-    counts = reason_counts(outcomes)
-    rows = [(name, hand, f"{rate:.3f}", *map(str, n)) for name, hand, rate, *n in counts.rows()]
-    print_table("Outcomes", counts.columns, rows)
+    _print_outcomes(outcomes)
     print_text(f"{options.out}: {counted(len(outcomes), 'trial')}")
+
+
+def _sources(inputs: Inputs, errors: PoseErrors | None) -> dict[str, str]:
+    """Return what made the estimates, or their errors, for the dataset card."""
+    if errors is not None:
+        return dict(errors.sources)
+    return {
+        f"{estimator} on {name}": table.source
+        for name, tables in inputs.results.items()
+        for estimator, table in tables.items()
+    }
+
+
+def _print_outcomes(outcomes: DataFrame) -> None:
+    """Print the reasons of each grasp, and which of them mostly collide."""
+    from graspcast.estimates.outcomes import REFERENCE_GRASP
+    from graspcast.simulation.campaign.campaign import mostly_collided, reason_counts
+
+    counts = reason_counts(outcomes)
+    if counts["grasp"].unique().to_list() == [REFERENCE_GRASP]:
+        shown = counts.drop("grasp")
+    else:
+        shown = counts
+    rows = [
+        tuple(f"{value:.3f}" if isinstance(value, float) else str(value) for value in row)
+        for row in shown.rows()
+    ]
+    print_table("Outcomes", shown.columns, rows)
     if often := mostly_collided(counts):
         note(
             f"most trials collide: {', '.join(often)}; graspcast grasps shows whether the "
-            "reference grasp does so with a perfect estimate"
+            "grasp does so with a perfect estimate"
         )

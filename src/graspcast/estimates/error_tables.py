@@ -37,6 +37,7 @@ def measure(
     dataset: BopDataset,
     *,
     only: Collection[str] = tuple(MEASURES),
+    plausible: bool = True,
     progress: Callable[[float, str], None] | None = None,
 ) -> pl.DataFrame:
     """Measure the pose errors of every estimate that matches ground truth, a row each.
@@ -49,6 +50,9 @@ def measure(
         Ground truth, models and cameras.
     only
         The wanted measures.
+    plausible
+        Whether estimates that agree with the ground truth only in another unit or convention are
+        refused. A network that has learned little may err as much.
     progress
         Called with the share done, and words for it.
 
@@ -68,7 +72,7 @@ def measure(
     if not len(results):
         raise InputError(f"{results.source}: holds no estimate", parameters=("estimates",))
     truth = dataset.ground_truth
-    matched = match(results, truth)
+    matched = match(results, truth, plausible=plausible)
     est_id = estimate_ids(results)
     parts = []
     present = np.unique(results.obj_id).tolist()

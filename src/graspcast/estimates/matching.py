@@ -20,11 +20,20 @@ from graspcast.pose.metrics import nearest_symmetric
 __all__ = ["match", "nearest_truth", "true_poses"]
 
 
-def match(results: Results, truth: GroundTruth) -> Int[ndarray, " n"]:
+def match(results: Results, truth: GroundTruth, *, plausible: bool = True) -> Int[ndarray, " n"]:
     """Return the ground-truth row that each estimate matches, -1 where there is none.
 
     Estimates and true instances of one object in an image are assigned one to one, with the
     smallest total distance between positions.
+
+    Parameters
+    ----------
+    results
+        Estimates.
+    truth
+        Ground truth.
+    plausible
+        Whether estimates that agree with it only in another unit or convention are refused.
 
     Raises
     ------
@@ -40,7 +49,8 @@ def match(results: Results, truth: GroundTruth) -> Int[ndarray, " n"]:
             f"{results.source}: none of its {len(results)} estimates is of an instance that "
             f"{truth.source} has; is it a CSV of another dataset or split?"
         )
-    _check(results.source, results.cam_T_obj, truth, out)
+    if plausible:
+        _check(results.source, results.cam_T_obj, truth, out)
     return out
 
 

@@ -15,7 +15,9 @@ __all__ = ["exclusive_lock"]
 
 
 @contextmanager
-def exclusive_lock(path: str | PathLike[str], message: str) -> Iterator[None]:
+def exclusive_lock(
+    path: str | PathLike[str], message: str, *, wait_s: float = 0.0
+) -> Iterator[None]:
     """Hold a lock file for the duration of the block.
 
     The operating system releases the lock when the process ends, even if it is killed.
@@ -26,17 +28,19 @@ def exclusive_lock(path: str | PathLike[str], message: str) -> Iterator[None]:
         The lock file; it and its parent directories are created.
     message
         The error message if another process holds the lock.
+    wait_s
+        How long to wait for that process, seconds.
 
     Raises
     ------
     InputError
-        At once, if another process holds the lock; or if the file cannot be written.
+        If another process holds the lock, or the file cannot be written.
     """
     path = Path(path)
     lock = FileLock(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        lock.acquire(timeout=0)
+        lock.acquire(timeout=wait_s)
     except Timeout as error:
         raise InputError(message) from error
     except OSError as error:

@@ -73,7 +73,7 @@ def validate(
     for i, (key, setup) in enumerate(setups.items()):
         if progress is not None:
             progress(i / len(setups), "perfect estimates of {} by {}".format(*key))
-        held[key] = held_under_jitter(setup.runner(), setup.grasp)
+        held[key[:2]] = held_under_jitter(setup.runner(), setup.grasp)
     return compare(trials, outcomes, grasps, held)
 
 

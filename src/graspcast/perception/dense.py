@@ -11,8 +11,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.perception.crops import Crop
-from graspcast.perception.network import CropEstimator, TrainedObject
+from graspcast.perception.network import CropEstimator
 from graspcast.perception.pnp import pose_from_points
+from graspcast.perception.trained_objects import TrainedObject
 
 __all__ = ["DenseEstimator", "expected_coordinates"]
 

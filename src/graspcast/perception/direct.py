@@ -11,7 +11,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.perception.crops import Crop
-from graspcast.perception.network import CropEstimator, TrainedObject
+from graspcast.perception.network import CropEstimator
+from graspcast.perception.trained_objects import TrainedObject
 
 __all__ = ["DirectEstimator"]
 

@@ -98,7 +98,7 @@ def built_in(name: str, weights: str | PathLike[str] | None = None) -> Estimator
     name
         ``"dense"``, ``"direct"`` or ``"keypoints"``.
     weights
-        An ONNX file written by ``python -m training export``; by default the file in the package,
+        An ONNX file written by :mod:`graspcast.training`; by default the file in the package,
         for the objects of the demonstration dataset.
 
     Raises

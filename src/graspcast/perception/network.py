@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
@@ -19,41 +18,20 @@ from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.io.reading import read_bytes
 from graspcast.perception.crops import Crop, crop_around_box, resample
 from graspcast.perception.estimator import Poses
+from graspcast.perception.trained_objects import TrainedObject, TrainedObjects
 
 if TYPE_CHECKING:
     from graspcast.bop.detections import Detections
 
-__all__ = ["CropEstimator", "Network", "TrainedObject"]
+__all__ = ["METADATA", "CropEstimator", "Network"]
 
-_METADATA = "graspcast"
+METADATA = "graspcast"
+"""Key of the metadata of an ONNX file, under which graspcast keeps its own, as JSON."""
 _LARGEST = 8
 """The largest box that is accepted, as a multiple of the image's longer side.
 
 Boxes are amodal, so they may extend beyond the image.
 """
-
-
-@dataclass(frozen=True, eq=False)
-class TrainedObject:
-    """Geometry of an object that a network was trained for; metres, object frame.
-
-    Attributes
-    ----------
-    obj_id
-        Its BOP id.
-    diameter_m
-        The largest distance between two points.
-    lower, size
-        Minimum corner and side lengths of its bounding box.
-    keypoints
-        Points on its surface, (k, 3).
-    """
-
-    obj_id: int
-    diameter_m: float
-    lower: Float[ndarray, " 3"]
-    size: Float[ndarray, " 3"]
-    keypoints: Float[ndarray, "k 3"]
 
 
 class Network:
@@ -68,10 +46,14 @@ class Network:
 
     Attributes
     ----------
+    trained
+        The dataset that it was trained for, and that dataset's objects.
     objects
         The trained objects by BOP id, in the order of training.
     made
         Metadata from training: versions, configuration, seeds.
+    validation
+        Errors on rendered images held out of training, by object; empty if they are not known.
 
     Raises
     ------
@@ -101,11 +83,17 @@ class Network:
             made_for = str(about["family"])
             self.pixels = int(about["pixels"])
             self.made: Mapping[str, Any] = dict(about["made"])
-            self.objects = {entry["obj_id"]: _trained(entry) for entry in about["objects"]}
+            self.validation: Mapping[str, Any] = dict(about.get("validation", {}))
+            objects = [TrainedObject.from_metadata(entry) for entry in about["objects"]]
+            dataset = about.get("dataset")
+            if not isinstance(dataset, str | None):
+                raise TypeError(f"its dataset is {dataset!r}")
         except (KeyError, TypeError, ValueError) as error:
             raise FormatError(self.path, f"its metadata are damaged ({error})") from error
         if made_for != family:
             raise FormatError(self.path, f"holds weights of the estimator {made_for}, not {family}")
+        self.trained = TrainedObjects(str(self.path), dataset, {o.obj_id: o for o in objects})
+        self.objects = self.trained.by_id
         self._index = {obj_id: k for k, obj_id in enumerate(self.objects)}
 
     def __call__(self, crop: UInt8[ndarray, "s s 3"], obj_id: int) -> list[Float[ndarray, "..."]]:
@@ -119,23 +107,13 @@ class Network:
         return [np.asarray(output[0], dtype=np.float64) for output in outputs]
 
     def _metadata(self) -> str:
-        text: str | None = self._session.get_modelmeta().custom_metadata_map.get(_METADATA)
+        text: str | None = self._session.get_modelmeta().custom_metadata_map.get(METADATA)
         if text is None:
             raise FormatError(
                 self.path,
                 "was not written by graspcast's training: it lacks the metadata on objects",
             )
         return text
-
-
-def _trained(entry: Mapping[str, Any]) -> TrainedObject:
-    return TrainedObject(
-        int(entry["obj_id"]),
-        float(entry["diameter_m"]),
-        np.array(entry["lower"], dtype=np.float64).reshape(3),
-        np.array(entry["size"], dtype=np.float64).reshape(3),
-        np.array(entry["keypoints"], dtype=np.float64).reshape(-1, 3),
-    )
 
 
 class CropEstimator(ABC):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -22,9 +23,12 @@ from graspcast.errors import EstimatorFailedError, FormatError, InputError, Unkn
 from graspcast.io.files import temporary_directory
 from graspcast.perception.estimator import Estimator
 from graspcast.perception.external import command_line, run_command
+from graspcast.perception.network import CropEstimator
 from graspcast.pose.sanity import is_placeholder
 
-__all__ = ["run_estimator", "run_external"]
+__all__ = ["estimate_poses", "run_estimator", "run_external"]
+
+_log = logging.getLogger(__name__)
 
 
 def run_estimator(
@@ -64,11 +68,24 @@ def run_estimator(
     ------
     UnknownNameError
         For a detected object that the estimator does not know.
+    MismatchError
+        If the estimator was trained for another dataset, or for an object of another size or frame
+        with the same number.
     InputError
         If an image cannot be read, or ``out`` cannot be written.
     FormatError
         If the estimator returns something other than poses.
     """
+    trained = estimator.network.trained if isinstance(estimator, CropEstimator) else None
+    if trained is not None:
+        trained.check(dataset, set(detections.obj_id.tolist()))
+        if trained.dataset is None:
+            _log.warning(
+                "%s does not say which dataset it was trained for: of its objects only sizes and "
+                "frames were compared with those of %s",
+                trained.source,
+                dataset.name,
+            )
     known = np.isin(detections.obj_id, estimator.obj_ids)
     if not known.all() and not lenient:
         raise UnknownNameError(
@@ -79,19 +96,29 @@ def run_estimator(
             parameters=("lenient",),
         )
     with _temporary(Path(out)) as written:
-        found = _estimate(estimator, dataset, detections.select(known), progress)
+        found = estimate_poses(estimator, dataset, detections.select(known), progress)
         write_results(written, found)
         results = _accept(written, Path(out), dataset, detections)
     return _counted(results, {"object that the estimator does not know": ~known})
 
 
-def _estimate(
+def estimate_poses(
     estimator: Estimator,
     dataset: BopDataset,
     detections: Detections,
-    progress: Callable[[float, str], None] | None,
+    progress: Callable[[float, str], None] | None = None,
 ) -> Results:
-    """Run an estimator on every image with detections; drop placeholders."""
+    """Run an estimator on every image with detections; drop placeholders.
+
+    Nothing is written or checked; :func:`run_estimator` does that.
+
+    Raises
+    ------
+    InputError
+        If there is no detection, or an image cannot be read.
+    UnknownNameError
+        For a detected object that the estimator does not know.
+    """
     images = detections.images()
     if not images:
         raise InputError(f"{detections.source}: no detection that {estimator.name} could use")

@@ -10,7 +10,7 @@ from campaign_script import make_requests
 from graspcast.simulation.campaign.campaign import run_campaign
 from graspcast.simulation.campaign.executors import LocalExecutor
 from graspcast.simulation.campaign.jobs import TrialSetup, load_setups
-from graspcast.simulation.campaign.requests import TrialRequests
+from graspcast.simulation.campaign.requests import SetupKey, TrialRequests
 from graspcast.simulation.grasps.table import read_grasps
 
 ONE = LocalExecutor(1)
@@ -22,14 +22,14 @@ def requests() -> TrialRequests:
 
 
 @pytest.fixture(scope="module")
-def setups(requests: TrialRequests) -> dict[tuple[str, str], TrialSetup]:
+def setups(requests: TrialRequests) -> dict[SetupKey, TrialSetup]:
     return load_setups(requests, read_grasps())
 
 
 @pytest.fixture(scope="module")
 def complete(
     requests: TrialRequests,
-    setups: dict[tuple[str, str], TrialSetup],
+    setups: dict[SetupKey, TrialSetup],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
     directory = tmp_path_factory.mktemp("campaigns") / "complete"

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ import graspcast.errors
 from graspcast.simulation.campaign.campaign import mostly_collided, reason_counts, run_campaign
 from graspcast.simulation.campaign.executors import LocalExecutor
 from graspcast.simulation.campaign.jobs import TrialSetup
-from graspcast.simulation.campaign.requests import TrialRequests
+from graspcast.simulation.campaign.requests import SetupKey, TrialRequests
 from graspcast.simulation.campaign.store import COLUMNS, Store
 
 SCRIPT = Path(__file__).parents[2] / "campaign_script.py"
@@ -47,12 +48,12 @@ def _same_but_for_time(a: pl.DataFrame, b: pl.DataFrame) -> bool:
 
 
 def test_outcomes_are_those_of_the_trials_run_one_by_one(
-    complete: Path, requests: TrialRequests, setups: dict[tuple[str, str], TrialSetup]
+    complete: Path, requests: TrialRequests, setups: dict[SetupKey, TrialSetup]
 ) -> None:
     outcomes = Store(complete).outcomes()
     assert dict(outcomes.schema) == COLUMNS
     assert 0.1 < outcomes["success"].mean() < 0.9  # type: ignore[operator]
-    setup = setups["ycbv-4", "parallel"]
+    setup = setups["ycbv-4", "parallel", "reference"]
     runner = setup.runner()
     for row in outcomes.sample(6, seed=1).iter_rows(named=True):
         alone = runner.run(requests.obj_T_est[row["im_id"]], setup.grasp)
@@ -63,7 +64,7 @@ def test_outcomes_are_those_of_the_trials_run_one_by_one(
 
 
 def test_a_complete_campaign_is_four_files_and_is_not_run_again(
-    complete: Path, requests: TrialRequests, setups: dict[tuple[str, str], TrialSetup]
+    complete: Path, requests: TrialRequests, setups: dict[SetupKey, TrialSetup]
 ) -> None:
     assert {p.name for p in complete.glob("[!.]*")} == {
         "manifest.json",
@@ -78,7 +79,7 @@ def test_a_complete_campaign_is_four_files_and_is_not_run_again(
 def test_order_does_not_matter(
     complete: Path,
     requests: TrialRequests,
-    setups: dict[tuple[str, str], TrialSetup],
+    setups: dict[SetupKey, TrialSetup],
     tmp_path: Path,
 ) -> None:
     shuffled = requests.select(np.random.default_rng(0).permutation(len(requests)))
@@ -95,6 +96,7 @@ def test_pairs_of_which_most_trials_collide_are_named() -> None:
         {
             "object": ["a", "a", "a", "b", "b"],
             "gripper": "parallel",
+            "grasp": "reference",
             "reason": ["collided", "held", "collided", "collided", "held"],
             "success": [False, True, False, False, True],
             "steps": 1,
@@ -109,7 +111,7 @@ def test_pairs_of_which_most_trials_collide_are_named() -> None:
 def test_two_workers_give_the_same(
     complete: Path,
     requests: TrialRequests,
-    setups: dict[tuple[str, str], TrialSetup],
+    setups: dict[SetupKey, TrialSetup],
     tmp_path: Path,
 ) -> None:
     outcomes = run_campaign(requests, setups, tmp_path / "out", executor=LocalExecutor(2))
@@ -224,7 +226,7 @@ def test_a_full_disk_is_a_clear_message_and_a_state_to_go_on_from(tmp_path: Path
 
 
 def test_progress_is_reported(
-    requests: TrialRequests, setups: dict[tuple[str, str], TrialSetup], tmp_path: Path
+    requests: TrialRequests, setups: dict[SetupKey, TrialSetup], tmp_path: Path
 ) -> None:
     reported: list[tuple[float, str]] = []
 
@@ -249,3 +251,31 @@ def test_progress_is_reported(
         progress=lambda share, message: reported.append((share, message)),
     )
     assert [share for share, _ in reported] == [16 / 40, 32 / 40, 1]
+
+
+def test_several_grasps_are_tried_with_the_same_estimates(
+    requests: TrialRequests, setups: dict[SetupKey, TrialSetup], tmp_path: Path
+) -> None:
+    some = requests.select(np.arange(6))
+    reference = setups["ycbv-4", "parallel", "reference"]
+    higher = replace(
+        reference.grasp, name="higher", obj_T_grasp=reference.grasp.obj_T_grasp @ translated(-0.08)
+    )
+    both = TrialRequests(
+        pl.concat([some.keys, some.keys.with_columns(grasp=pl.lit("higher"))]),
+        np.concatenate([some.obj_T_est, some.obj_T_est]),
+    )
+    more = {**setups, ("ycbv-4", "parallel", "higher"): replace(reference, grasp=higher)}
+    outcomes = run_campaign(both, more, tmp_path / "both", executor=ONE)
+    alone = run_campaign(some, setups, tmp_path / "alone", executor=ONE)
+    assert _same_but_for_time(outcomes.filter(pl.col("grasp") == "reference"), alone)
+    assert not outcomes.filter(pl.col("grasp") == "higher")["success"].any()
+    assert reason_counts(outcomes)["grasp"].to_list() == ["higher", "reference"]
+    manifest = Store(tmp_path / "both").manifest
+    assert "ycbv-4 by parallel, grasp higher" in manifest["configuration"]
+
+
+def translated(z: float) -> np.ndarray:
+    out = np.eye(4)
+    out[2, 3] = z
+    return out

@@ -87,9 +87,9 @@ def test_workers_must_be_some() -> None:
 def test_an_error_in_a_worker_is_raised_here() -> None:
     requests = make_requests(1)
     setups = load_setups(requests, read_grasps())
-    pair = ("ycbv-4", "parallel")
+    pair = ("ycbv-4", "parallel", "reference")
     poses = np.eye(4)[None]
-    batches = [Batch(("nobody", "parallel"), np.arange(1), poses)]
+    batches = [Batch(("nobody", "parallel", "reference"), np.arange(1), poses)]
     with pytest.raises(KeyError, match="nobody"):
         list(LocalExecutor(2).run({pair: setups[pair]}, batches))
 
@@ -105,7 +105,7 @@ from graspcast.simulation.campaign.jobs import Batch
 multiprocessing.spawn.set_executable("/bin/false")
 arguments = list(sys.argv)
 try:
-    list(LocalExecutor(2).run({}, [Batch(("a", "b"), None, None)] * 2))
+    list(LocalExecutor(2).run({}, [Batch(("a", "b", "c"), None, None)] * 2))
 except WorkerLostError as error:
     print(error)
 assert sys.argv == arguments and len(arguments) == 30_001

@@ -10,7 +10,7 @@ import pytest
 
 from bop_images import estimates_of, write_dataset
 from graspcast.bop.dataset import BopDataset
-from graspcast.errors import MismatchError
+from graspcast.errors import MismatchError, UnknownNameError
 from graspcast.simulation.campaign.from_estimates import trials_from_estimates
 from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp
 from graspcast.simulation.objects.types import Grasp
@@ -52,8 +52,34 @@ def test_what_is_left_out_is_counted(dataset: BopDataset) -> None:
     assert set(requests.keys["obj_id"]) == {5} and set(requests.keys["gripper"]) == {"parallel"}
     assert notes == [
         "a_made-test.csv: 1 estimate has no ground truth",
-        "left out 7 trials without a reference grasp: made-1 by parallel, made-1 by "
+        "left out 7 trials without a grasp: made-1 by parallel, made-1 by "
         "underactuated, made-5 by underactuated",
     ]
-    with pytest.raises(MismatchError, match="both a ground truth and a reference grasp"):
+    with pytest.raises(MismatchError, match="both a ground truth and a grasp"):
         trials_from_estimates(results, {"made": dataset}, HANDS, grasps=GraspTable([]))
+
+
+def test_each_estimate_guides_all_grasps_of_its_object(dataset: BopDataset) -> None:
+    table = estimates_of(dataset)
+    grasps = GraspTable(
+        ReferenceGrasp(Grasp(np.eye(4), f"made-{number}", "parallel", name), "a test")
+        for number, names in ((1, ("top", "side")), (5, ("reference",)))
+        for name in names
+    )
+    found = trials_from_estimates(
+        {"made": {"a": table}}, {"made": dataset}, ["parallel"], grasps=grasps
+    )
+    single = trials_from_estimates({"made": {"a": table}}, {"made": dataset}, ["parallel"])
+    assert found.setups() == [
+        ("made-1", "parallel", "top"),
+        ("made-1", "parallel", "side"),
+        ("made-5", "parallel", "reference"),
+    ]
+    for key in found.setups():
+        rows = found.rows_of(*key)
+        mine = single.rows_of(key[0], "parallel", "reference")
+        np.testing.assert_array_equal(found.obj_T_est[rows], single.obj_T_est[mine])
+    with pytest.raises(UnknownNameError, match="'made-1' by 'underactuated'; known: parallel"):
+        trials_from_estimates(
+            {"made": {"a": table}}, {"made": dataset}, HANDS, grasps=grasps, strict=True
+        )

@@ -14,7 +14,7 @@ from graspcast.errors import (
 from graspcast.simulation.campaign.campaign import run_campaign
 from graspcast.simulation.campaign.executors import LocalExecutor
 from graspcast.simulation.campaign.jobs import TrialSetup, load_setups
-from graspcast.simulation.campaign.requests import TrialRequests
+from graspcast.simulation.campaign.requests import SetupKey, TrialRequests
 from graspcast.simulation.grasps.table import read_grasps
 
 ONE = LocalExecutor(1)
@@ -31,12 +31,15 @@ def test_an_object_without_a_grasp(requests: TrialRequests) -> None:
 
 
 def test_a_trial_that_fails_stops_with_its_cause(
-    requests: TrialRequests, setups: dict[tuple[str, str], TrialSetup], tmp_path: Path
+    requests: TrialRequests, setups: dict[SetupKey, TrialSetup], tmp_path: Path
 ) -> None:
-    setup = setups["ycbv-4", "parallel"]
+    setup = setups["ycbv-4", "parallel", "reference"]
     other = replace(setup.grasp, object="ycbv-9")
     wrong = TrialSetup(setup.grasp_object, setup.gripper, other, setup.settings)
     with pytest.raises(
-        CampaignStoppedError, match=r"a trial of ycbv-4 by parallel failed: MismatchError.*0 of 40"
+        CampaignStoppedError,
+        match=r"a trial of ycbv-4 by parallel, grasp reference failed: Mism.*0 of 40",
     ):
-        run_campaign(requests, {("ycbv-4", "parallel"): wrong}, tmp_path / "o", executor=ONE)
+        run_campaign(
+            requests, {("ycbv-4", "parallel", "reference"): wrong}, tmp_path / "o", executor=ONE
+        )

@@ -18,7 +18,7 @@ from graspcast.estimates.outcomes import TRIAL_COLUMNS
 from graspcast.simulation.campaign.campaign import run_campaign
 from graspcast.simulation.campaign.executors import LocalExecutor
 from graspcast.simulation.campaign.jobs import TrialSetup
-from graspcast.simulation.campaign.requests import TrialRequests
+from graspcast.simulation.campaign.requests import SetupKey, TrialRequests
 from graspcast.simulation.campaign.store import COLUMNS, Store
 from graspcast.simulation.trial.trial import TrialSettings
 
@@ -26,7 +26,7 @@ ONE = LocalExecutor(1)
 
 
 def test_a_directory_that_cannot_be_written(
-    requests: TrialRequests, setups: dict[tuple[str, str], TrialSetup], tmp_path: Path
+    requests: TrialRequests, setups: dict[SetupKey, TrialSetup], tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
@@ -37,11 +37,11 @@ def test_a_directory_that_cannot_be_written(
 def test_another_configuration_refuses_to_mix(
     complete: Path,
     requests: TrialRequests,
-    setups: dict[tuple[str, str], TrialSetup],
+    setups: dict[SetupKey, TrialSetup],
     change: str,
 ) -> None:
     before = {p.name: p.read_bytes() for p in complete.glob("[!.]*")}
-    setup = setups["ycbv-4", "parallel"]
+    setup = setups["ycbv-4", "parallel", "reference"]
     named = "ycbv-4 by parallel"
     if change == "settings":
         setup = TrialSetup(
@@ -59,12 +59,12 @@ def test_another_configuration_refuses_to_mix(
         named = "estimates of epos on ycbv"
         requests = make_requests(41)
     with pytest.raises(MismatchError, match=f"another configuration: {named} .*another directory"):
-        run_campaign(requests, {("ycbv-4", "parallel"): setup}, complete, executor=ONE)
+        run_campaign(requests, {("ycbv-4", "parallel", "reference"): setup}, complete, executor=ONE)
     assert {p.name: p.read_bytes() for p in complete.glob("[!.]*")} == before
 
 
 def test_a_directory_with_other_files_is_left_alone(
-    requests: TrialRequests, setups: dict[tuple[str, str], TrialSetup], tmp_path: Path
+    requests: TrialRequests, setups: dict[SetupKey, TrialSetup], tmp_path: Path
 ) -> None:
     (tmp_path / "thesis.tex").write_text("")
     with pytest.raises(InputError, match="holds files but no campaign"):
@@ -74,7 +74,7 @@ def test_a_directory_with_other_files_is_left_alone(
 
 
 def test_two_processes_cannot_share_a_directory(
-    complete: Path, requests: TrialRequests, setups: dict[tuple[str, str], TrialSetup]
+    complete: Path, requests: TrialRequests, setups: dict[SetupKey, TrialSetup]
 ) -> None:
     with (
         Store(complete).lock(),
@@ -138,7 +138,7 @@ def test_outcomes_from_before_the_robot_s_protocol_are_read_as_of_the_paper_s(
 def test_campaigns_of_the_two_protocols_are_not_mixed_and_their_names_are_told(
     complete: Path,
     requests: TrialRequests,
-    setups: dict[tuple[str, str], TrialSetup],
+    setups: dict[SetupKey, TrialSetup],
     tmp_path: Path,
 ) -> None:
     paper = {key: replace(setup, settings=TrialSettings.paper()) for key, setup in setups.items()}

@@ -14,11 +14,13 @@ from graspcast.bop.results import Results
 from graspcast.bop.units import millimetres
 from graspcast.errors import InputError, MismatchError
 from graspcast.pose.transforms import rotation_angle
+from graspcast.simulation.campaign.pose_errors import PoseErrors
 from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.campaign.transferred_errors import (
     TRANSFERRED,
     trials_from_transferred_errors,
 )
+from graspcast.simulation.objects.types import Grasp
 from poses import nudged, random_poses, results_of, write_models
 
 N, OBJECTS = 45, 3
@@ -63,14 +65,17 @@ def results(*, turned: int = 0, spoilt: int | None = None) -> Results:
     return dataclasses.replace(results_of(poses), obj_id=number_of())
 
 
+def grasp_of(name: str, grasp: str = "reference") -> Grasp:
+    return Grasp(np.eye(4), name, "parallel", grasp)
+
+
 def transferred_errors(
     dataset: BopDataset, table: Results, *objects: int, **options: int
 ) -> TrialRequests:
-    pairs = [(f"made-{number}", "parallel") for number in objects]
+    grasps = [grasp_of(f"made-{number}") for number in objects]
     options = {"count": 300} | options
-    return trials_from_transferred_errors(
-        {"made": {"a": table}}, {"made": dataset}, pairs, **options
-    )
+    errors = PoseErrors.of_estimates({"made": {"a": table}}, {"made": dataset})
+    return trials_from_transferred_errors(errors, grasps, **options)
 
 
 def offsets(requests: TrialRequests, number: int) -> np.ndarray:
@@ -143,12 +148,19 @@ def test_seeds_and_other_pairs(dataset: BopDataset) -> None:
 
 
 def test_errors_of_all_objects_are_transferred_to_a_new_one(dataset: BopDataset) -> None:
-    pairs = [("mine-7", "parallel")]
-    found = trials_from_transferred_errors(
-        {"made": {"a": results()}}, {"made": dataset}, pairs, count=50
-    )
+    errors = PoseErrors.of_estimates({"made": {"a": results()}}, {"made": dataset})
+    found = trials_from_transferred_errors(errors, [grasp_of("mine-7")], count=50)
     assert len(found.keys) == 50
     assert found.keys["dataset"].unique().to_list() == ["mine"]
+
+
+def test_all_grasps_of_an_object_are_tried_with_the_same_errors(dataset: BopDataset) -> None:
+    grasps = [grasp_of("mine-7", "top"), grasp_of("mine-7", "side"), grasp_of("mine-8")]
+    errors = PoseErrors.of_estimates({"made": {"a": results()}}, {"made": dataset})
+    found = trials_from_transferred_errors(errors, grasps, count=50)
+    top, side, other = (found.obj_T_est[found.rows_of(g.object, g.gripper, g.name)] for g in grasps)
+    assert np.array_equal(top, side)
+    assert not np.array_equal(top, other)
 
 
 def test_what_is_refused_and_what_is_no_estimate(dataset: BopDataset) -> None:
@@ -156,9 +168,8 @@ def test_what_is_refused_and_what_is_no_estimate(dataset: BopDataset) -> None:
     with pytest.raises(InputError, match="count is 0; give at least 1"):
         transferred_errors(dataset, table, 1, count=0)
     with pytest.raises(InputError, match="'mug' has no number"):
-        trials_from_transferred_errors(
-            {"made": {"a": table}}, {"made": dataset}, [("mug", "parallel")], count=1
-        )
+        errors = PoseErrors.of_estimates({"made": {"a": table}}, {"made": dataset})
+        trials_from_transferred_errors(errors, [grasp_of("mug")], count=1)
     only = table.select(table.obj_id == 2)
     with pytest.raises(MismatchError, match="no errors to transfer to made-2"):
         transferred_errors(dataset, only, 2)

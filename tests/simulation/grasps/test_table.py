@@ -140,3 +140,28 @@ def test_a_grasp_that_contradicts_its_object_is_not_applied() -> None:
     away[:3, 3] = 0.0, 0.0, 30.0
     with pytest.raises(InputError, match="30 m away from the object, which is 102 mm across"):
         replace(known, grasp=replace(known.grasp, obj_T_grasp=away)).applied_to(can)
+
+
+def test_several_grasps_of_an_object_have_names_and_keep_their_order(tmp_path: Path) -> None:
+    named = [ENTRY.replace("[[grasp]]", f'[[grasp]]\nname = "{name}"') for name in ("top", "side")]
+    (tmp_path / "mine.toml").write_text("\n".join(named))
+    table = read_grasps(tmp_path / "mine.toml")
+    assert [r.grasp.name for r in table.of("mug", "parallel")] == ["top", "side"]
+    assert table("mug", "parallel").grasp.name == "top", "none is called reference"
+    assert table("mug", "parallel", "side").grasp.name == "side"
+    with pytest.raises(UnknownNameError, match="'parallel' named 'left'; known: top, side"):
+        table("mug", "parallel", "left")
+    write_grasps(tmp_path / "again.toml", table.of("mug", "parallel"))
+    again = read_grasps(tmp_path / "again.toml")
+    assert [r.grasp.name for r in again.of("mug", "parallel")] == ["top", "side"]
+    twice = "\n".join([named[0], named[0]])
+    (tmp_path / "twice.toml").write_text(twice)
+    with pytest.raises(FormatError, match="two grasps of 'mug' by 'parallel', grasp 'top'"):
+        read_grasps(tmp_path / "twice.toml")
+
+
+def test_a_file_with_grasps_of_a_pair_replaces_the_built_in_one(tmp_path: Path) -> None:
+    entry = ENTRY.replace("mug", "ycbv-4").replace("[[grasp]]", '[[grasp]]\nname = "top"')
+    (tmp_path / "mine.toml").write_text(entry)
+    (only,) = read_grasps(tmp_path / "mine.toml").of("ycbv-4", "parallel")
+    assert only.grasp.name == "top"

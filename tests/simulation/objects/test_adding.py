@@ -1,6 +1,11 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +15,8 @@ import trimesh
 from cad_parts import profile
 from graspcast.bop.models import Models
 from graspcast.errors import InputError, MismatchError
+from graspcast.io.locks import exclusive_lock
+from graspcast.simulation.objects import adding
 from graspcast.simulation.objects.adding import built_in_ids, find_sources, write_objects
 from graspcast.simulation.objects.catalogue import read_catalogue
 from graspcast.simulation.objects.load import load_object
@@ -82,7 +89,10 @@ def test_bop_models_stay_where_they_are(tmp_path: Path) -> None:
     assert source.obj_id == 3 and source.info is not None
     new = make_object(source.path, "kit", 3, Told(mass_kg=0.1), info=source.info)
     assert write_objects([new], tmp_path / "own", bop_models=True) == ["added"]
-    assert content(root) == before and set(content(tmp_path / "own")) == {"objects.toml"}
+    assert content(root) == before and set(content(tmp_path / "own")) == {
+        ".lock",
+        "objects.toml",
+    }
     catalogue = read_catalogue(tmp_path / "own" / "objects.toml")
     assert load_object("kit-3", catalogue=catalogue, bop_dirs={"kit": root}).mass_kg == 0.1
     with pytest.raises(InputError, match="give the BOP directory of kit"):
@@ -117,3 +127,46 @@ def test_sources(tmp_path: Path) -> None:
 
 def test_built_in_objects() -> None:
     assert built_in_ids("ycbv") == [2, 3, 4, 5, 8, 9, 12] and built_in_ids("kit") == []
+
+
+def numbered(new: NewObject, number: int) -> NewObject:
+    return replace(new, entry=replace(new.entry, name=f"kit-{number}", obj_id=number))
+
+
+def add_one_by_one(path: Path, out: Path, numbers: list[int], start: float) -> None:
+    """What each of two processes does."""
+    new = part(path)
+    time.sleep(max(0.0, start - time.time()))
+    for number in numbers:
+        write_objects([numbered(new, number)], out, bop_models=False)
+
+
+def test_two_processes_on_one_directory_lose_nothing(tmp_path: Path) -> None:
+    code = (
+        "import sys, pathlib, test_adding as t; "
+        "a = sys.argv; t.add_one_by_one(pathlib.Path(a[1]), pathlib.Path(a[2]), "
+        "[int(x) for x in a[4:]], float(a[3]))"
+    )
+    here = Path(__file__)
+    paths = [here.parent, here.parents[2], here.parents[3] / "src"]
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, paths))}
+    start, running = time.time() + 5, []
+    for first in (1, 2):
+        numbers = [str(n) for n in range(first, 21, 2)]
+        words = [tmp_path / f"{first}.stl", tmp_path / "kit", start, *numbers]
+        running.append(subprocess.Popen([sys.executable, "-c", code, *map(str, words)], env=env))
+    assert [one.wait(timeout=120) for one in running] == [0, 0]
+    assert sorted(Models(tmp_path / "kit" / "models").info) == list(range(1, 21))
+    listed = read_catalogue(tmp_path / "kit" / "objects.toml")
+    assert all(f"kit-{n}" in listed for n in range(1, 21))
+
+
+def test_who_waits_too_long_is_told_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(adding, "_WAIT_S", 0.2)
+    new = part(tmp_path / "part.stl")
+    with (
+        exclusive_lock(tmp_path / "kit" / ".lock", "no"),
+        pytest.raises(InputError, match="another process is adding objects here"),
+    ):
+        write_objects([new], tmp_path / "kit", bop_models=False)
+    assert not (tmp_path / "kit" / "objects.toml").exists()

@@ -28,6 +28,7 @@ def test_settings_that_cannot_work_are_refused() -> None:
         ({"short_m": -0.001}, "short_m is -0.001; it must be > 0"),
         ({"short_m": 5.0}, r"short_m is 5.00 m, but .*in millimetres \(5 mm\)"),
         ({"lift_s": float("inf")}, "lift_s is inf; it must be at most 600"),
+        ({"solver": (-1.0, "dense")}, "solver has the tolerance -1.0; it must be between 0 and 1"),
     ):
         with pytest.raises(InputError, match=message):
             replace(TrialSettings(), **wrong)
@@ -38,6 +39,7 @@ def test_every_setting_is_in_the_digest() -> None:
     settings = TrialSettings()
     other = {"integrator": "euler", "cone": "pyramidal", "condim": 3, "hand_touches_table": False}
     other |= {"solref": (0.012, 1.0), "solimp": (0.9, 0.95, 0.001), "goal_overlap_m": 0.002}
+    other |= {"solver": (1e-9, "dense"), "grip_solver": (1e-14, "dense")}
     digests = {settings.digest()}
     for field in fields(settings):
         value = other.get(field.name) or getattr(settings, field.name) * 1.5

@@ -15,7 +15,7 @@ from graspcast.errors import ExtraMissingError, InputError, MismatchError
 from graspcast.rendering.drawing import FAINT, INK, blank, save_png, write
 from graspcast.rendering.trials.film import describe, write_outcome
 from graspcast.rendering.trials.renderer import SceneRenderer
-from graspcast.simulation.grasps.table import GraspTable
+from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.catalogue import Catalogue, ObjectEntry
 from graspcast.simulation.objects.load import BopDirectories, load_object, why_no_mesh
@@ -23,7 +23,7 @@ from graspcast.simulation.objects.types import Grasp, GraspObject
 from graspcast.simulation.trial.recording import record_trial
 from graspcast.simulation.trial.trial import Outcome, TrialRunner, TrialSettings
 
-__all__ = ["Cell", "draw_cells", "save_sheet"]
+__all__ = ["Cell", "draw_cells", "draw_grasps", "save_sheet"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +58,7 @@ def draw_cells(
     bop_dirs: BopDirectories | None = None,
     size: int = 320,
     collision: bool = False,
+    every_grasp: bool = False,
     progress: Callable[[float, str], None] | None = None,
 ) -> dict[tuple[str, str], Cell]:
     """Run each reference grasp with a perfect estimate, and draw the closed hand.
@@ -82,15 +83,17 @@ def draw_cells(
         Size of a picture, pixels.
     collision
         Draw the collision pieces instead of the mesh.
+    every_grasp
+        Draw all grasps of an object, not the reference grasp alone.
     progress
         Called with the share done and a short message.
 
     Returns
     -------
-        Cells by name of object and gripper.
+        Cells by name of object (of several grasps, of object and grasp) and gripper.
     """
     cells: dict[tuple[str, str], Cell] = {}
-    total = len(entries) * len(grippers)
+    total, done = len(entries) * len(grippers), 0
     for entry in entries:
         try:
             target = load_object(entry.name, bop_dirs=bop_dirs, catalogue=catalogue)
@@ -105,15 +108,55 @@ def draw_cells(
             elif missing is not None:
                 cells[pair] = missing
             else:
+                chosen = grasps.of(*pair) if every_grasp else (grasps(*pair),)
+                how = None if settings is None else settings[gripper.name]
                 try:
-                    reference = grasps(*pair)
-                    how = None if settings is None else settings[gripper.name]
-                    runner = TrialRunner(reference.applied_to(target), gripper, how)
-                    cells[pair] = _draw_cell(runner, reference.grasp, size, collision)
+                    drawn = draw_grasps(
+                        target, gripper, chosen, settings=how, size=size, collision=collision
+                    )
                 except MismatchError as error:
-                    cells[pair] = Cell(None, str(error))
+                    drawn = {(chosen[0].grasp.name, gripper.name): Cell(None, str(error))}
+                for (name, _), cell in drawn.items():
+                    column = entry.name if len(chosen) == 1 else f"{entry.name}, {name}"
+                    cells[column, gripper.name] = cell
+            done += 1
             if progress is not None:
-                progress(len(cells) / total, f"{entry.name} by {gripper.name}")
+                progress(done / total, f"{entry.name} by {gripper.name}")
+    return cells
+
+
+def draw_grasps(
+    target: GraspObject,
+    gripper: Gripper,
+    references: Sequence[ReferenceGrasp],
+    *,
+    settings: TrialSettings | None = None,
+    size: int = 320,
+    collision: bool = False,
+    progress: Callable[[float, str], None] | None = None,
+) -> dict[tuple[str, str], Cell]:
+    """Run several grasps of one object with a perfect estimate, and draw the closed hand.
+
+    Parameters
+    ----------
+    target, gripper, references
+        The object, the gripper, and grasps of the one by the other.
+    settings
+        How the trials are run; the robot's protocol if None.
+    size, collision, progress
+        As for :func:`draw_cells`.
+
+    Returns
+    -------
+        Cells by name of grasp and gripper.
+    """
+    cells: dict[tuple[str, str], Cell] = {}
+    for reference in references:
+        runner = TrialRunner(reference.applied_to(target), gripper, settings)
+        name = reference.grasp.name
+        cells[name, gripper.name] = _draw_cell(runner, reference.grasp, size, collision)
+        if progress is not None:
+            progress(len(cells) / len(references), name)
     return cells
 
 
@@ -169,7 +212,7 @@ def save_sheet(
         write(draw, (x + size // 2, y + head // 2), f"{label}  ({name})", 18, INK, "mm")
         for row, gripper in enumerate(grippers):
             top = y + head + row * (size + foot)
-            cell = cells[name, gripper]
+            cell = cells.get((name, gripper), Cell(None, "no such grasp"))
             if k % columns == 0:
                 _sideways(sheet, (side // 2, top + size // 2), gripper)
             if cell.pixels is None:

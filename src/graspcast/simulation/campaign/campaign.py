@@ -14,25 +14,31 @@ import polars as pl
 
 from graspcast._version import __version__
 from graspcast.errors import CampaignStoppedError, GraspcastError
-from graspcast.estimates.outcomes import ERROR_COLUMNS, TRIAL_COLUMNS, error_numbers
+from graspcast.estimates.outcomes import (
+    ERROR_COLUMNS,
+    REFERENCE_GRASP,
+    TRIAL_COLUMNS,
+    error_numbers,
+)
 from graspcast.io.arguments import PATH, a, checked
 from graspcast.io.hashing import canonical_json, sha256
 from graspcast.simulation.campaign.dataset_card import write_card
 from graspcast.simulation.campaign.executors import Executor, LocalExecutor
 from graspcast.simulation.campaign.jobs import Batch, TrialSetup
-from graspcast.simulation.campaign.requests import TrialRequests
+from graspcast.simulation.campaign.requests import SetupKey, TrialRequests
 from graspcast.simulation.campaign.store import COLUMNS, Store
 from graspcast.simulation.trial.trial import Outcome
 
 __all__ = ["mostly_collided", "reason_counts", "run_campaign"]
 
 _BATCH_SIZE = 16
+_SETUP = ("object", "gripper", "grasp")
 
 
 @checked(requests=a(TrialRequests), setups=a(Mapping), out=PATH)
 def run_campaign(
     requests: TrialRequests,
-    setups: Mapping[tuple[str, str], TrialSetup],
+    setups: Mapping[SetupKey, TrialSetup],
     out: str | PathLike[str],
     *,
     executor: Executor | None = None,
@@ -93,13 +99,14 @@ def run_campaign(
 
 
 def reason_counts(outcomes: pl.DataFrame) -> pl.DataFrame:
-    """Count the reasons of a campaign's outcomes: a row for each object and gripper.
+    """Count the reasons of a campaign's outcomes: a row for each grasp of an object by a gripper.
 
     Returns
     -------
-        Columns ``object``, ``gripper``, ``success`` (rate), and one for each reason that occurs.
+        Columns ``object``, ``gripper``, ``grasp``, ``success`` (rate), and one for each reason that
+        occurs.
     """
-    keys = ["object", "gripper"]
+    keys = list(_SETUP)
     counts = outcomes.pivot("reason", index=keys, values="steps", aggregate_function="len")
     rates = outcomes.group_by(keys).agg(pl.col("success").cast(pl.Float64).mean())
     reasons = pl.exclude(*keys, "success").fill_null(0)
@@ -107,7 +114,7 @@ def reason_counts(outcomes: pl.DataFrame) -> pl.DataFrame:
 
 
 def mostly_collided(counts: pl.DataFrame) -> list[str]:
-    """Return the pairs of which more than half of the trials collided, as "object by gripper".
+    """Return the grasps of which more than half of the trials collided, as "object by gripper".
 
     Parameters
     ----------
@@ -116,24 +123,24 @@ def mostly_collided(counts: pl.DataFrame) -> list[str]:
     """
     if "collided" not in counts.columns:
         return []
-    total = pl.sum_horizontal(pl.exclude("object", "gripper", "success"))
+    total = pl.sum_horizontal(pl.exclude(*_SETUP, "success"))
     often = counts.filter(pl.col("collided") > total / 2)
-    return [f"{name} by {gripper}" for name, gripper in often.select("object", "gripper").rows()]
+    return [_named(key) for key in often.select(_SETUP).rows()]
 
 
 def _manifest(
     requests: TrialRequests,
-    setups: Mapping[tuple[str, str], TrialSetup],
+    setups: Mapping[SetupKey, TrialSetup],
     sources: Mapping[str, str],
 ) -> dict[str, Any]:
-    used = {key: setups[key] for key in sorted(requests.pairs())}
+    used = {key: setups[key] for key in sorted(requests.setups())}
     protocols = sorted({setup.settings.protocol for setup in used.values()})
     configuration = {
         "graspcast": __version__,
         "mujoco": mujoco.__version__,
         **({} if protocols == ["paper"] else {"protocol": " and ".join(protocols)}),
         **{f"estimates of {name}": digest for name, digest in sorted(requests.digests().items())},
-        **{f"{name} by {gripper}": setup.digest for (name, gripper), setup in used.items()},
+        **{_named(key): setup.digest for key, setup in used.items()},
     }
     return {
         "format": 1,
@@ -146,11 +153,17 @@ def _manifest(
     }
 
 
+def _named(key: SetupKey) -> str:
+    name, gripper, grasp = key
+    return f"{name} by {gripper}" + ("" if grasp == REFERENCE_GRASP else f", grasp {grasp}")
+
+
 def _describe(setup: TrialSetup) -> dict[str, Any]:
     grasp_object = setup.grasp_object
     return {
         "object": grasp_object.name,
         "gripper": setup.gripper.name,
+        "grasp": setup.grasp.name,
         "mass_kg": grasp_object.mass_kg,
         "friction": grasp_object.friction,
         "pieces": len(grasp_object.pieces),
@@ -168,8 +181,8 @@ def _rows_left(requests: TrialRequests, stored: pl.DataFrame) -> np.ndarray:
 
 
 def _batches(requests: TrialRequests, left: np.ndarray) -> Iterator[Batch]:
-    for key in requests.pairs():
-        mine = np.intersect1d(requests.rows_of(key), left, assume_unique=True)
+    for key in requests.setups():
+        mine = np.intersect1d(requests.rows_of(*key), left, assume_unique=True)
         for start in range(0, len(mine), _BATCH_SIZE):
             rows = mine[start : start + _BATCH_SIZE]
             yield Batch(key, rows, requests.obj_T_est[rows])

@@ -16,7 +16,8 @@ from graspcast.io.markdown import table
 __all__ = ["card_text", "write_card"]
 
 _MEANING = {
-    "estimator": "estimator of the pose that guided the grasp",
+    "estimator": "estimator of the pose that guided the grasp; `transferred` if its error was made "
+    "on other objects, or drawn (see Sources)",
     "dataset": "BOP dataset of the image",
     "scene_id": "BOP's scene number",
     "im_id": "BOP's image number in the scene",

@@ -17,11 +17,12 @@ from typing import Any, Protocol, runtime_checkable
 
 from graspcast.errors import ExtraMissingError, InputError, WorkerLostError
 from graspcast.simulation.campaign.jobs import Batch, TrialSetup, run_batch
+from graspcast.simulation.campaign.requests import SetupKey
 from graspcast.simulation.trial.trial import Outcome
 
 __all__ = ["Executor", "LocalExecutor", "RayExecutor", "usable_cores"]
 
-Setups = Mapping[tuple[str, str], TrialSetup]
+Setups = Mapping[SetupKey, TrialSetup]
 Done = tuple[Batch, list[Outcome]]
 
 _LEAVING_S = 5.0

@@ -36,9 +36,10 @@ def trials_from_estimates(
     grippers: Sequence[str],
     *,
     grasps: GraspTable | None = None,
+    strict: bool = False,
     notes: list[str] | None = None,
 ) -> TrialRequests:
-    """Return one trial for each estimate with a ground truth and each gripper.
+    """Return one trial for each estimate with a ground truth, each gripper and each grasp.
 
     Parameters
     ----------
@@ -49,7 +50,10 @@ def trials_from_estimates(
     grippers
         Names of grippers.
     grasps
-        If given, trials without a reference grasp are left out, and counted.
+        The grasps; each estimate guides all of them. Trials without one are left out, and
+        counted. If None, each guides the reference grasp.
+    strict
+        Whether a missing grasp is an error.
     notes
         Messages on what was left out are appended to it.
 
@@ -57,6 +61,8 @@ def trials_from_estimates(
     ------
     MismatchError
         If no trial is left, or no estimate of a file has a ground truth.
+    UnknownNameError
+        If ``strict``, and there is no grasp of an object by a gripper.
     """
     notes = [] if notes is None else notes
     keys, poses = [], []
@@ -88,22 +94,37 @@ def trials_from_estimates(
                 true = truth.cam_T_obj[matched[rows]]
                 poses.append(compose(invert(true), table.cam_T_obj[rows]))
     table_of_keys, obj_T_est = pl.concat(keys), np.concatenate(poses)
-    without_grasp = ""
+    lacking = ""
     if grasps is not None:
-        pairs = table_of_keys.select(pl.format("{}-{}", "dataset", "obj_id"), "gripper").rows()
-        has = np.array([pair in grasps for pair in pairs], dtype=bool)
-        if not has.all():
-            lacking = sorted({pairs[i] for i in np.flatnonzero(~has).tolist()})
-            without_grasp = ", ".join(f"{name} by {gripper}" for name, gripper in lacking)
-            left_out = int((~has).sum())
-            notes.append(
-                f"left out {counted(left_out, 'trial')} without a reference grasp: {without_grasp}"
-            )
-        table_of_keys, obj_T_est = table_of_keys.filter(has), obj_T_est[has]
+        table_of_keys, lacking = _with_grasps(table_of_keys, grasps, strict)
+        left_out = len(obj_T_est) - table_of_keys["row"].n_unique()
+        if lacking:
+            notes.append(f"left out {counted(left_out, 'trial')} without a grasp: {lacking}")
+        obj_T_est = obj_T_est[table_of_keys["row"].to_numpy()]
+        table_of_keys = table_of_keys.drop("row")
     if not len(table_of_keys):
         raise MismatchError(
-            "no estimate has both a ground truth and a reference grasp"
-            + (f"; write grasps of {without_grasp} in a TOML file" if without_grasp else ""),
+            "no estimate has both a ground truth and a grasp"
+            + (f"; graspcast propose-grasps finds grasps of {lacking}" if lacking else ""),
             parameters=("estimates", "grasps"),
         )
     return TrialRequests(table_of_keys, obj_T_est)
+
+
+def _with_grasps(keys: pl.DataFrame, grasps: GraspTable, strict: bool) -> tuple[pl.DataFrame, str]:
+    """Return the keys once for each grasp, with their ``row``, and which pairs have no grasp."""
+    keys = keys.with_columns(object=pl.format("{}-{}", "dataset", "obj_id")).with_row_index("row")
+    pairs = keys.select("object", "gripper").unique(maintain_order=True).rows()
+    named = {
+        pair: [reference.grasp.name for reference in grasps.of(*pair)]
+        for pair in pairs
+        if strict or pair in grasps
+    }
+    names = pl.DataFrame(
+        [(*pair, name) for pair, some in named.items() for name in some],
+        schema={"object": pl.String, "gripper": pl.String, "grasp": pl.String},
+        orient="row",
+    )
+    joined = keys.join(names, on=["object", "gripper"], how="inner", maintain_order="left_right")
+    lacking = sorted(set(pairs) - set(named))
+    return joined.drop("object"), ", ".join(f"{name} by {gripper}" for name, gripper in lacking)

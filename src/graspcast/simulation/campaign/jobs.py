@@ -13,21 +13,24 @@ from numpy import ndarray
 from graspcast.errors import InputError, MismatchError
 from graspcast.io.arguments import a, checked
 from graspcast.io.hashing import sha256
-from graspcast.simulation.campaign.requests import TrialRequests
+from graspcast.simulation.campaign.requests import SetupKey, TrialRequests
 from graspcast.simulation.grasps.table import GraspTable
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.catalogue import Catalogue, read_catalogue
 from graspcast.simulation.objects.load import BopDirectories, load_object, why_no_mesh
 from graspcast.simulation.objects.types import Grasp, GraspObject
-from graspcast.simulation.trial.trial import Outcome, TrialRunner, TrialSettings
+from graspcast.simulation.trial.early_stopping import RULES
+from graspcast.simulation.trial.trial import Outcome, TrialRunner, TrialSettings, trial_digest
 
 __all__ = ["Batch", "TrialSetup", "available_trials", "load_setups", "run_batch"]
+
+_runners: dict[str, TrialRunner] = {}
 
 
 @dataclass(frozen=True, eq=False)
 class TrialSetup:
-    """Everything that the trials of one object by one gripper have in common.
+    """Everything that the trials of one grasp of an object by a gripper have in common.
 
     Attributes
     ----------
@@ -36,7 +39,7 @@ class TrialSetup:
     gripper
         The gripper.
     grasp
-        Reference grasp.
+        The grasp.
     settings
         How the trials are run.
     early_stop
@@ -59,11 +62,15 @@ class TrialSetup:
             If the object does not stay in its reference pose.
         """
         grasp = np.asarray(self.grasp.obj_T_grasp, dtype="<f8")
-        return sha256(self.runner().digest, grasp, "early" if self.early_stop else "full")
+        rules = f"early {RULES}" if self.early_stop else "full"
+        return sha256(self.runner().digest, grasp, rules)
 
     def runner(self) -> TrialRunner:
-        """Return a new runner for these trials."""
-        return TrialRunner(self.grasp_object, self.gripper, self.settings)
+        """Return the runner for these trials, which this process compiles once for all grasps."""
+        key = trial_digest(self.grasp_object, self.gripper, self.settings)
+        if key not in _runners:
+            _runners[key] = TrialRunner(self.grasp_object, self.gripper, self.settings)
+        return _runners[key]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,14 +80,14 @@ class Batch:
     Attributes
     ----------
     setup
-        Names of object and gripper: the key of the trial setup.
+        Names of object, gripper and grasp: the key of the trial setup.
     rows
         Row numbers of the trials in the requests.
     obj_T_est
         Estimates in the true object's frame, metres.
     """
 
-    setup: tuple[str, str]
+    setup: SetupKey
     rows: Int[ndarray, " n"]
     obj_T_est: Float[ndarray, "n 4 4"]
 
@@ -94,15 +101,15 @@ def load_setups(
     bop_dirs: BopDirectories | None = None,
     catalogue: Catalogue | None = None,
     grippers: Mapping[str, Gripper] | None = None,
-) -> dict[tuple[str, str], TrialSetup]:
-    """Load the trial setups of all requests: objects, grippers and reference grasps.
+) -> dict[SetupKey, TrialSetup]:
+    """Load the trial setups of all requests: objects, grippers and grasps.
 
     Parameters
     ----------
     requests
         The trials.
     grasps
-        The reference grasps.
+        The grasps.
     settings
         How the trials are run, for all grippers or by gripper's name; the robot's protocol with
         the limits of each gripper if None.
@@ -113,32 +120,32 @@ def load_setups(
 
     Returns
     -------
-        Trial setups by (object, gripper).
+        Trial setups by (object, gripper, grasp).
 
     Raises
     ------
     UnknownNameError
-        If an object or gripper is unknown, or has no reference grasp.
+        If an object or gripper is unknown, or there is no such grasp.
     InputError
         If an object cannot be loaded.
     """
-    references = {pair: grasps(*pair) for pair in requests.pairs()}
+    references = {key: grasps(*key) for key in requests.setups()}
     objects = {
         name: load_object(name, bop_dirs=bop_dirs, catalogue=catalogue)
-        for name in dict.fromkeys(name for name, _ in references)
+        for name in dict.fromkeys(name for name, _, _ in references)
     }
     custom = grippers or {}
-    hands = {g: custom[g] if g in custom else load_gripper(g) for _, g in references}
+    hands = {g: custom[g] if g in custom else load_gripper(g) for _, g, _ in references}
     if settings is None:
         settings = {name: TrialSettings.robot(hand) for name, hand in hands.items()}
     return {
-        (name, gripper): TrialSetup(
+        (name, gripper, grasp): TrialSetup(
             grasp_object=reference.applied_to(objects[name]),
             gripper=hands[gripper],
             grasp=reference.grasp,
             settings=settings[gripper] if isinstance(settings, Mapping) else settings,
         )
-        for (name, gripper), reference in references.items()
+        for (name, gripper, grasp), reference in references.items()
     }
 
 
@@ -167,7 +174,7 @@ def available_trials(
     """
     catalogue = read_catalogue() if catalogue is None else catalogue
     why: dict[str, str] = {}
-    for name in dict.fromkeys(name for name, _ in requests.pairs()):
+    for name in dict.fromkeys(name for name, _, _ in requests.setups()):
         known = name in catalogue
         reason = why_no_mesh(catalogue[name], bop_dirs) if known else "it is not in the catalogue"
         if reason:
@@ -185,9 +192,6 @@ def available_trials(
     return requests.select(np.flatnonzero(~names.is_in(list(why)).to_numpy()))
 
 
-_runners: dict[str, TrialRunner] = {}
-
-
 def run_batch(setup: TrialSetup, batch: Batch) -> list[Outcome]:
     """Run the trials of a batch; the process keeps the compiled model for the next batch.
 
@@ -197,11 +201,9 @@ def run_batch(setup: TrialSetup, batch: Batch) -> list[Outcome]:
         If a trial fails for any reason; the message names object and gripper.
     """
     try:
-        if setup.digest not in _runners:
-            _runners[setup.digest] = setup.runner()
-        runner = _runners[setup.digest]
+        runner = setup.runner()
         return [runner.run(e, setup.grasp, early_stop=setup.early_stop) for e in batch.obj_T_est]
     except Exception as error:
         # Pickling loses the cause of an error, so the message contains it.
-        what = f"{setup.grasp_object.name} by {setup.gripper.name}"
+        what = f"{' by '.join(batch.setup[:2])}, grasp {setup.grasp.name}"
         raise InputError(f"a trial of {what} failed: {type(error).__name__}: {error}") from error

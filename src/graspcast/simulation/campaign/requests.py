@@ -1,4 +1,4 @@
-"""Trial requests of a campaign: estimates of instances, each with a gripper."""
+"""Trial requests of a campaign: estimates of instances, each with a gripper and a grasp."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from graspcast.errors import InputError
 from graspcast.estimates.outcomes import REFERENCE_GRASP, TRIAL_COLUMNS, TRIAL_SCHEMA
 from graspcast.io.hashing import sha256
 
-__all__ = ["TrialRequests"]
+__all__ = ["SetupKey", "TrialRequests"]
+
+SetupKey = tuple[str, str, str]
+"""Names of object, gripper and grasp: what the trials of one setup have in common."""
 
 _RIGID_TOLERANCE = 1e-6
 
@@ -101,13 +104,18 @@ class TrialRequests:
         """Return the trials with the given row numbers."""
         return TrialRequests(self.keys[rows], self.obj_T_est[rows])
 
-    def pairs(self) -> list[tuple[str, str]]:
-        """Return the pairs of object and gripper that occur, in order of appearance."""
-        return list(self.keys.select("object", "gripper").unique(maintain_order=True).iter_rows())
+    def setups(self) -> list[SetupKey]:
+        """Return the objects, grippers and grasps that occur together, in order of appearance."""
+        columns = self.keys.select("object", "gripper", "grasp")
+        return list(columns.unique(maintain_order=True).iter_rows())
 
-    def rows_of(self, pair: tuple[str, str]) -> Int[ndarray, " m"]:
-        """Return the row numbers of an object and gripper."""
-        mine = (pl.col("object") == pair[0]) & (pl.col("gripper") == pair[1])
+    def rows_of(self, object_name: str, gripper: str, grasp: str) -> Int[ndarray, " m"]:
+        """Return the row numbers of an object, a gripper and a grasp."""
+        mine = (
+            (pl.col("object") == object_name)
+            & (pl.col("gripper") == gripper)
+            & (pl.col("grasp") == grasp)
+        )
         return self.keys.select(mine.arg_true()).to_series().to_numpy().astype(np.int64)
 
     def digests(self) -> dict[str, str]:

@@ -1,25 +1,23 @@
 """Transferred errors: trials guided by errors that estimators made on other objects.
 
 The probability of success given an error can be learned for an object without images of it. Errors
-made on other objects are transferred to it: each is seen from a random direction, at the distance
-at which it was made.
+made on other objects, or drawn from a covariance, are transferred to it: each is seen from a random
+direction, at the distance at which it was made.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import polars as pl
-from numpy import ndarray
 
-from graspcast.bop.dataset import BopDataset
-from graspcast.bop.results import Results
 from graspcast.errors import InputError, MismatchError
-from graspcast.estimates.matching import match, nearest_truth
-from graspcast.pose.ray_frame import error_along, relative
-from graspcast.pose.transforms import compose, invert, rotation_from_quaternion
+from graspcast.pose.ray_frame import error_along
+from graspcast.pose.transforms import rotation_from_quaternion
+from graspcast.simulation.campaign.pose_errors import PoseErrors
 from graspcast.simulation.campaign.requests import TrialRequests
+from graspcast.simulation.objects.types import Grasp
 
 __all__ = ["TRANSFERRED", "trials_from_transferred_errors"]
 
@@ -28,25 +26,24 @@ TRANSFERRED = "transferred"
 
 
 def trials_from_transferred_errors(
-    results: Mapping[str, Mapping[str, Results]],
-    datasets: Mapping[str, BopDataset],
-    pairs: Sequence[tuple[str, str]],
+    errors: PoseErrors,
+    grasps: Sequence[Grasp],
     *,
     count: int,
     seed: int = 0,
 ) -> TrialRequests:
-    """Return ``count`` trials of each object and gripper, guided by errors made on other objects.
+    """Return ``count`` trials of each grasp, guided by errors made on other objects.
+
+    All grasps of an object by a gripper are tried with the same errors.
 
     Parameters
     ----------
-    results
-        Dataset's name to estimator's name to results, whose errors are transferred.
-    datasets
-        Dataset's name to its BOP directory, with ground truth.
-    pairs
-        Objects (``dataset-number``) and grippers.
+    errors
+        The errors: of estimates, or drawn. Those made on the object itself are left out.
+    grasps
+        The grasps, of objects that are called ``dataset-number``.
     count
-        Trials of each object and gripper.
+        Trials of each grasp.
     seed
         Random seed of the errors and viewing directions.
 
@@ -55,14 +52,14 @@ def trials_from_transferred_errors(
     InputError
         If ``count`` is below 1.
     MismatchError
-        If there is no error of another object, or no estimate of a file has a ground truth.
+        If there is no error of another object.
     """
     if count < 1:
         raise InputError(f"count is {count}; give at least 1", parameters=("transferred_errors",))
-    names, distances, truths = _errors(results, datasets)
     keys, poses = [], []
-    for name, gripper in pairs:
-        others = np.flatnonzero(names != name)
+    for grasp in grasps:
+        name, gripper = grasp.object, grasp.gripper
+        others = np.flatnonzero(errors.objects != name)
         if not len(others):
             raise MismatchError(
                 f"no errors to transfer to {name}: there are no estimates of other objects",
@@ -75,7 +72,7 @@ def trials_from_transferred_errors(
         # Normalised normal variates are uniform rotations.
         turns = random.standard_normal((count, 4))
         axes = rotation_from_quaternion(turns / np.linalg.norm(turns, axis=1, keepdims=True))
-        poses.append(error_along(axes, distances[rows], truths[rows]))
+        poses.append(error_along(axes, errors.distance_m[rows], errors.truth[rows]))
         keys.append(
             pl.DataFrame({"im_id": np.arange(count)}).with_columns(
                 estimator=pl.lit(TRANSFERRED),
@@ -84,6 +81,7 @@ def trials_from_transferred_errors(
                 obj_id=pl.lit(number),
                 est_id=pl.lit(0),
                 gripper=pl.lit(gripper),
+                grasp=pl.lit(grasp.name),
             )
         )
     return TrialRequests(pl.concat(keys), np.concatenate(poses))
@@ -98,29 +96,3 @@ def _dataset_and_number(name: str) -> tuple[str, int]:
             parameters=("objects",),
         )
     return dataset, int(number)
-
-
-def _errors(
-    results: Mapping[str, Mapping[str, Results]], datasets: Mapping[str, BopDataset]
-) -> tuple[ndarray, ndarray, ndarray]:
-    """Return object, distance and relative true pose of every estimate with a ground truth."""
-    names, distances, truths = [], [], []
-    for dataset, tables in results.items():
-        truth = datasets[dataset].ground_truth
-        for table in tables.values():
-            matched = match(table, truth)
-            rows = np.flatnonzero(matched >= 0)
-            poses = table.cam_T_obj[rows]
-            distance = np.linalg.norm(poses[:, :3, 3], axis=1)
-            # A distance of zero has no viewing ray; it is a placeholder for 'nothing found'.
-            rows, poses, distance = (part[distance > 0] for part in (rows, poses, distance))
-            names.append([f"{dataset}-{number}" for number in table.obj_id[rows].tolist()])
-            distances.append(distance)
-            near = nearest_truth(
-                compose(invert(poses), truth.cam_T_obj[matched[rows]]),
-                np.full(len(rows), dataset),
-                table.obj_id[rows],
-                {dataset: datasets[dataset].models},
-            )
-            truths.append(relative(poses, compose(poses, near)))
-    return np.concatenate(names), np.concatenate(distances), np.concatenate(truths)

@@ -14,7 +14,7 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, UnknownNameError
 from graspcast.estimates.image_split import Split, frames_of, split_of
-from graspcast.estimates.outcomes import join_outcomes
+from graspcast.estimates.outcomes import REFERENCE_GRASP, join_outcomes
 from graspcast.simulation.campaign.from_estimates import trials_from_estimates
 from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.grasps.sampling import LabelledTrials
@@ -48,11 +48,11 @@ class ObservedTrials:
         UnknownNameError
             If there are none of this object with this gripper.
         """
-        pairs = self.requests.pairs()
-        if (name, gripper) not in pairs:
-            known = [f"{o} by {g}" for o, g in pairs]
+        setups = self.requests.setups()
+        if (name, gripper, REFERENCE_GRASP) not in setups:
+            known = [f"{o} by {g}" for o, g, _ in setups]
             raise UnknownNameError("trials of", f"{name} by {gripper}", known)
-        rows = self.requests.rows_of((name, gripper))
+        rows = self.requests.rows_of(name, gripper, REFERENCE_GRASP)
         rows = rows[self.split[rows] == split]
         return LabelledTrials(self.requests.obj_T_est[rows], self.success[rows])
 

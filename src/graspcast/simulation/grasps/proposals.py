@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from graspcast.pose.transforms import compose, exp, invert, transform
+from graspcast.simulation.grasps.antipodal import points_on_faces
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import GraspObject
 from graspcast.simulation.trial.scene import HAND, Scene
@@ -27,13 +28,7 @@ def surface_points(
     grasp_object: GraspObject, count: int, rng: np.random.Generator
 ) -> Float[ndarray, "p 3"]:
     """Sample points on the mesh uniformly by area, in the object's frame, metres."""
-    corners = grasp_object.vertices[grasp_object.faces]
-    edges = corners[:, 1:] - corners[:, :1]
-    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-    face = rng.choice(len(area), size=count, p=area / area.sum())
-    u, v = np.sqrt(rng.random(count)), rng.random(count)
-    weights = np.stack([1 - u, u * (1 - v), u * v], axis=1)
-    return np.einsum("pk,pkj->pj", weights, corners[face])
+    return points_on_faces(grasp_object, count, rng)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +71,12 @@ class OpenHand:
             if np.all(np.abs(middle[:2]) <= size[:2]):
                 behind.append(-(middle[2] + size[2]))
         return max(0.01, min(behind, default=0.05))
+
+    @property
+    def tip_m(self) -> float:
+        """How far the fingertips reach beyond the TCP, along the approach, metres."""
+        along = np.einsum("gj,gj->g", np.abs(self.tcp_T_box[:, 2, :3]), self.half)
+        return float((self.tcp_T_box[:, 2, 3] + along).max())
 
     def predict(
         self,

@@ -176,7 +176,7 @@ def fit_grasp(
             raise InputError(
                 f"{grasp_object.name} by {gripper.name}: no outcomes in the {name} split; "
                 "the search needs some in train and in validation. Without outcomes of real "
-                "trials, write a grasp by hand in a TOML file",
+                "trials, propose grasps instead (propose_grasps)",
                 parameters=("outcomes",),
             )
     chosen = settings or TrialSettings.robot(gripper)

@@ -1,4 +1,4 @@
-"""Table of reference grasps, one for each object and gripper, read from TOML files."""
+"""Table of grasps, one or several for each object and gripper, read from TOML files."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
+from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.io.arguments import PATH, checked
 from graspcast.io.files import write_text
 from graspcast.io.toml import TomlTable, read_toml
@@ -26,14 +27,14 @@ __all__ = ["GraspTable", "ReferenceGrasp", "grasps_in", "read_grasps", "write_gr
 
 Figure = str | int | float | bool
 _HEADER = """\
-# Reference grasps: pose of the gripper's tool centre point in the object's frame. Its z is the
+# Grasps: pose of the gripper's tool centre point in the object's frame. Its z is the
 # direction of approach, its x the direction in which the fingers close. Metres; quaternions wxyz.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceGrasp:
-    """Reference grasp of an object by a gripper, with its provenance.
+    """Grasp of an object by a gripper, with its provenance.
 
     Attributes
     ----------
@@ -65,55 +66,87 @@ class ReferenceGrasp:
         check_grasp_is_near(self.grasp, grasp_object)
         if self.mass_kg is not None and grasp_object.volume_m3 > 0:
             across = float(np.ptp(grasp_object.vertices, axis=0).max())
-            what = f"the grasp of {self.grasp.object!r} by {self.grasp.gripper!r}"
-            check_density(what, self.mass_kg, grasp_object.volume_m3, across)
+            check_density(
+                f"the grasp of {self.grasp}", self.mass_kg, grasp_object.volume_m3, across
+            )
         return with_physics(grasp_object, mass_kg=self.mass_kg, friction=self.friction)
 
 
 class GraspTable:
-    """Reference grasps by object and gripper, in the order of the files."""
+    """Grasps by object and gripper, one or several of each, in the order of the files."""
 
     def __init__(self, grasps: Iterable[ReferenceGrasp]):
-        self._grasps: dict[tuple[str, str], ReferenceGrasp] = {}
+        self._grasps: dict[tuple[str, str], dict[str, ReferenceGrasp]] = {}
         for reference in grasps:
-            pair = (reference.grasp.object, reference.grasp.gripper)
-            if pair in self._grasps:
-                raise InputError(f"there are two grasps of {pair[0]!r} by {pair[1]!r}; keep one")
-            self._grasps[pair] = reference
+            grasp = reference.grasp
+            named = self._grasps.setdefault((grasp.object, grasp.gripper), {})
+            if grasp.name in named:
+                raise InputError(f"there are two grasps of {grasp}; keep one, or name them")
+            named[grasp.name] = reference
 
-    def __call__(self, object_name: str, gripper: str) -> ReferenceGrasp:
-        """Return the grasp of an object by a gripper.
+    def __call__(self, object_name: str, gripper: str, name: str | None = None) -> ReferenceGrasp:
+        """Return a grasp of an object by a gripper.
+
+        Parameters
+        ----------
+        object_name, gripper
+            Names of object and gripper.
+        name
+            The grasp's name. If None, the reference grasp; or, where none has that name, the first.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is none; the message lists the grippers that have one, or the grasps.
+        """
+        named = self._named(object_name, gripper)
+        if name is None:
+            return named.get(REFERENCE_GRASP) or next(iter(named.values()))
+        if name not in named:
+            raise UnknownNameError(
+                f"grasp of {object_name!r} by {gripper!r} named",
+                name,
+                list(named),
+                parameters=("grasp",),
+            )
+        return named[name]
+
+    def of(self, object_name: str, gripper: str) -> tuple[ReferenceGrasp, ...]:
+        """Return all grasps of an object by a gripper, in the order of the file.
 
         Raises
         ------
         UnknownNameError
             If there is none; the message lists the grippers that have one.
         """
-        reference = self._grasps.get((object_name, gripper))
-        if reference is None:
+        return tuple(self._named(object_name, gripper).values())
+
+    def _named(self, object_name: str, gripper: str) -> dict[str, ReferenceGrasp]:
+        named = self._grasps.get((object_name, gripper))
+        if named is None:
             raise UnknownNameError(
                 f"grasp of {object_name!r} by",
                 gripper,
                 [g for o, g in self._grasps if o == object_name],
-                hint="Write it in a TOML file of grasps (object, gripper, position_m, quaternion, "
-                "provenance)",
+                hint="graspcast propose-grasps finds grasps and writes them to such a file",
                 parameters=("grasps",),
             )
-        return reference
+        return named
 
     def __contains__(self, pair: object) -> bool:
         return pair in self._grasps
 
     def __iter__(self) -> Iterator[ReferenceGrasp]:
-        return iter(self._grasps.values())
+        return (reference for named in self._grasps.values() for reference in named.values())
 
     def __len__(self) -> int:
-        return len(self._grasps)
+        return sum(map(len, self._grasps.values()))
 
     def updated(self, grasps: Iterable[ReferenceGrasp]) -> GraspTable:
-        """Return this table with some grasps replaced or added."""
+        """Return this table, with other grasps for the objects and grippers of the given ones."""
         new = GraspTable(grasps)
-        return GraspTable((self._grasps | new._grasps).values())
+        kept = [r for r in self if (r.grasp.object, r.grasp.gripper) not in new]
+        return GraspTable([*kept, *new])
 
     def pairs(
         self, objects: Iterable[str], grippers: Sequence[str], *, strict: bool
@@ -130,8 +163,8 @@ class GraspTable:
         if not known or (strict and len(known) < len(pairs)):
             lacking = ", ".join(f"{o} by {g}" for o, g in pairs if (o, g) not in self)
             raise InputError(
-                f"no reference grasp of {lacking}; an object of a dataset is named DATASET-NUMBER, "
-                "in grasps and catalogue too; write grasps in a TOML file",
+                f"no grasp of {lacking}; an object of a dataset is named DATASET-NUMBER, "
+                "in grasps and catalogue too; graspcast propose-grasps finds grasps",
                 parameters=("objects", "grasps"),
             )
         return known
@@ -146,11 +179,13 @@ def read_grasps(
     By the paper's protocol the built-in grasps are those that reproduce the published outcomes.
     They are no grasps for a robot: some drop a perfect estimate, as the published outcomes say.
 
-    A file has one entry per grasp::
+    Where the file has grasps of an object by a gripper, the built-in one does not count. A file has
+    one entry per grasp::
 
         [[grasp]]
         object = "ycbv-4"
         gripper = "parallel"
+        name = "top"                        # optional: "reference" if left out
         position_m = [0.0, 0.0, 0.03]
         quaternion = [0.0, 1.0, 0.0, 0.0]   # wxyz of obj_T_grasp
         provenance = "from the top, by hand"
@@ -172,7 +207,10 @@ def read_grasps(
 
 
 def write_grasps(path: str | PathLike[str], grasps: Iterable[ReferenceGrasp]) -> None:
-    """Write grasps to a TOML file, sorted and atomically; reading gives the same numbers."""
+    """Write grasps to a TOML file, atomically; reading gives the same numbers.
+
+    They are sorted by object and gripper. Those of the same pair keep their order.
+    """
     ordered = sorted(grasps, key=lambda r: (_natural(r.grasp.object), r.grasp.gripper))
     write_text(path, "\n".join([_HEADER, *(_entry_text(reference) for reference in ordered)]))
 
@@ -194,6 +232,7 @@ def grasps_in(path: str | PathLike[str]) -> list[ReferenceGrasp]:
 
 def _entry(table: TomlTable) -> ReferenceGrasp:
     object_name, gripper = table.take("object", str), table.take("gripper", str)
+    name = table.take("name", str, REFERENCE_GRASP)
     table.where += f" ({object_name} by {gripper})"
     position = np.array(table.numbers("position_m", 3))
     wxyz = np.array(table.numbers("quaternion", 4))
@@ -213,6 +252,7 @@ def _entry(table: TomlTable) -> ReferenceGrasp:
             obj_T_grasp=transform(rotation_from_quaternion(wxyz), position),
             object=object_name,
             gripper=gripper,
+            name=name,
         ),
         provenance=table.take("provenance", str),
         mass_kg=optional("mass_kg", "above zero"),
@@ -231,6 +271,7 @@ def _entry_text(reference: ReferenceGrasp) -> str:
     pairs: dict[str, Any] = {
         "object": reference.grasp.object,
         "gripper": reference.grasp.gripper,
+        "name": None if reference.grasp.name == REFERENCE_GRASP else reference.grasp.name,
         "position_m": [float(x) for x in pose[:3, 3]],
         "quaternion": [float(x) for x in quaternion(pose[:3, :3])],
         "mass_kg": reference.mass_kg,

@@ -1,7 +1,8 @@
 """Adding objects to a dataset: models, ``models_info.json`` and a catalogue, all or nothing.
 
 What is there already is compared first, and nothing is written if anything is wrong. Each file is
-written atomically, the catalogue last, so that an interrupted call can be repeated.
+written atomically, the catalogue last, so that an interrupted call can be repeated. A lock keeps
+two processes from writing to one directory at once.
 """
 
 from __future__ import annotations
@@ -12,16 +13,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from graspcast.bop.meshes import Mesh, write_mesh
 from graspcast.bop.models import ModelInfo, read_models_info
 from graspcast.bop.models_writing import info_entry, update_models_info
 from graspcast.errors import FormatError, InputError, MismatchError
+from graspcast.io.locks import exclusive_lock
 from graspcast.simulation.objects.catalogue import read_catalogue
 from graspcast.simulation.objects.catalogue_file import (
     entry_table,
     known_tables,
     update_catalogue,
 )
+from graspcast.simulation.objects.colours import read_colours
 from graspcast.simulation.objects.frames import frame_difference
 from graspcast.simulation.objects.meshes import MESH_SUFFIXES, read_mesh
 from graspcast.simulation.objects.new_object import NewObject
@@ -32,6 +37,7 @@ CATALOGUE = "objects.toml"
 """Name of the catalogue in the directory of the dataset."""
 
 _PRECISION_M = 1e-6
+_WAIT_S = 60.0
 _MODEL = re.compile(r"obj_([0-9]+)")
 
 
@@ -126,7 +132,7 @@ def _bop_models(folder: Path, obj_id: int | None) -> list[Source]:
 def write_objects(
     new: Sequence[NewObject], out: Path, *, bop_models: bool, replace: bool = False
 ) -> list[str]:
-    """Write objects into a dataset's directory.
+    """Write objects into a dataset's directory; of two processes, one waits for the other.
 
     Parameters
     ----------
@@ -148,7 +154,18 @@ def write_objects(
     MismatchError
         If another object has the number, and is not to be replaced; the message says how the
         meshes differ.
+    InputError
+        If another process has been writing there for more than a minute, or a file cannot be
+        written.
     """
+    busy = f"{out}: another process is adding objects here; try again when it is done"
+    with exclusive_lock(out / ".lock", busy, wait_s=_WAIT_S):
+        return _write_objects(new, out, bop_models=bop_models, replace=replace)
+
+
+def _write_objects(
+    new: Sequence[NewObject], out: Path, *, bop_models: bool, replace: bool
+) -> list[str]:
     catalogue, models = out / CATALOGUE, out / "models"
     known, listed = known_tables(catalogue), models / "models_info.json"
     infos = read_models_info(listed) if listed.is_file() and not bop_models else {}
@@ -183,7 +200,7 @@ def write_objects(
         added = before is None or (obj_id in entries and obj_id not in infos)
         done.append("added" if added else "replaced" if changed else "unchanged")
     for one in meshes:
-        write_mesh(models / f"obj_{int(one.entry.obj_id or 0):06d}.ply", one.mesh)
+        write_mesh(models / f"obj_{int(one.entry.obj_id or 0):06d}.ply", one.mesh, one.colours)
     if entries:
         update_models_info(listed, entries)
     if any(known.get(name) != table for name, table in tables.items()):
@@ -218,7 +235,9 @@ def _is_fresh(one: NewObject, model: Path, *, replace: bool) -> bool:
             return True
         raise
     if not difference and _identical(one.mesh, there):
-        return False
+        if _same_colours(one, model):
+            return False
+        difference = "the same mesh in other colours"
     difference = difference or (
         f"a mesh that is a little different ({len(one.mesh.vertices):,} vertices, not "
         f"{len(there.vertices):,})"
@@ -240,6 +259,14 @@ def _identical(mine: Mesh, other: Mesh) -> bool:
     if len(mine.vertices) != len(other.vertices) or len(mine.faces) != len(other.faces):
         return False
     return bool(cKDTree(mine.vertices).query(other.vertices)[0].max() < _PRECISION_M)
+
+
+def _same_colours(one: NewObject, model: Path) -> bool:
+    """Return whether a written model has the colours of an object, or that has none."""
+    if one.colours is None:
+        return True
+    found = read_colours(model, one.mesh, "mm")
+    return found is not None and np.array_equal(one.colours, found)
 
 
 def _same_info(info: ModelInfo, one: NewObject) -> bool:

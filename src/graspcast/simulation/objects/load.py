@@ -24,6 +24,7 @@ from graspcast.simulation.objects.plausibility import (
     check_primitives,
 )
 from graspcast.simulation.objects.rest_pose import rest_pose
+from graspcast.simulation.objects.thickness import warn_of_thickness
 from graspcast.simulation.objects.types import GraspObject, Piece
 
 __all__ = ["assemble", "load_mesh", "load_object", "why_no_mesh", "with_physics"]
@@ -39,6 +40,9 @@ def load_object(
     catalogue: Catalogue | None = None,
 ) -> GraspObject:
     """Load an object for trials: mesh, collision pieces, inertia, reference pose.
+
+    Where the collision pieces of an object that is not built in stick out of its mesh by more than
+    15 % of its smallest side, a warning is logged.
 
     Parameters
     ----------
@@ -66,7 +70,10 @@ def load_object(
         raise InputError(f"an object is a name, or a dataset and a number, not {name!r}")
     catalogue = read_catalogue() if catalogue is None else catalogue
     entry = catalogue[name if isinstance(name, str) else f"{name[0]}-{name[1]}"]
-    return assemble(entry, load_mesh(entry, bop_dirs))
+    target = assemble(entry, load_mesh(entry, bop_dirs))
+    if not entry.built_in:
+        warn_of_thickness(target)
+    return target
 
 
 def assemble(entry: ObjectEntry, mesh: Mesh) -> GraspObject:

@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from graspcast.bop.meshes import Mesh, write_mesh
@@ -18,6 +18,7 @@ from graspcast.pose.lengths import METRES, UNIT_NAMES, shown
 from graspcast.simulation.objects.bodies import check_bodies
 from graspcast.simulation.objects.catalogue import ObjectEntry
 from graspcast.simulation.objects.collision import CollisionShape, choose_collision
+from graspcast.simulation.objects.colours import read_colours
 from graspcast.simulation.objects.load import assemble
 from graspcast.simulation.objects.meshes import (
     MassProperties,
@@ -34,7 +35,7 @@ from graspcast.simulation.objects.symmetries import Symmetries, find_symmetries
 from graspcast.simulation.objects.symmetry_names import stated_symmetries
 from graspcast.simulation.objects.types import GraspObject
 
-__all__ = ["FRICTIONS", "NewObject", "Told", "make_object"]
+__all__ = ["FRICTIONS", "NewObject", "Told", "check_mesh", "make_object"]
 
 FRICTIONS = (0.05, 3.0)
 """Range of coefficients of friction that are accepted."""
@@ -105,6 +106,8 @@ class NewObject:
         The object, ready for trials.
     remarks
         What is odd, or was decided, in words.
+    colours
+        RGB at each vertex of the mesh; None if the file has no colours, or is a BOP model.
     """
 
     entry: ObjectEntry
@@ -114,6 +117,7 @@ class NewObject:
     collision: CollisionShape
     grasp_object: GraspObject
     remarks: tuple[str, ...]
+    colours: UInt8[ndarray, "v 3"] | None = None
 
 
 def make_object(
@@ -140,16 +144,7 @@ def make_object(
     """
     label = told.label or (path.stem if info is None else f"{dataset} object {obj_id}")
     what = f"object {dataset}-{obj_id} ({path.name})"
-    _check_numbers(what, told)
-    unit: Unit = "mm" if info is not None else told.unit
-    mesh, read_as = read_mesh_and_unit(path, unit)
-    if info is not None:
-        check_diameter(what, mesh.vertices, info.diameter_m)
-    _check_volume(path, mesh)
-    mesh = mesh if info is not None else _as_written(mesh)
-    if info is None:
-        _check_usual(path, mesh, told, read_as)
-    remarks = [check_bodies(what, mesh), _far_origin(what, mesh)]
+    mesh, read_as, remarks = _checked_mesh(path, what, told, info)
     surface = Surface(mesh.vertices, mesh.faces)
     closed, why_open = _closed(mesh, told, what)
     shape = choose_collision(mesh, surface, closed=closed, pieces=told.pieces)
@@ -181,7 +176,36 @@ def make_object(
         shape,
         assemble(entry, mesh),
         tuple(remark for remark in remarks if remark),
+        None if info is not None else read_colours(path, mesh, read_as),
     )
+
+
+def check_mesh(
+    path: Path, dataset: str, obj_id: int, told: Told, *, info: ModelInfo | None = None
+) -> None:
+    """Raise what :func:`make_object` raises of a file and of numbers, before the slow steps.
+
+    Parameters are those of :func:`make_object`.
+    """
+    what = f"object {dataset}-{obj_id} ({path.name})"
+    mesh, _, _ = _checked_mesh(path, what, told, info)
+    _closed(mesh, told, what)
+
+
+def _checked_mesh(
+    path: Path, what: str, told: Told, info: ModelInfo | None
+) -> tuple[Mesh, str, list[str]]:
+    """Read and check a mesh; return it, the unit in which it was read, and remarks."""
+    _check_numbers(what, told)
+    unit: Unit = "mm" if info is not None else told.unit
+    mesh, read_as = read_mesh_and_unit(path, unit)
+    if info is not None:
+        check_diameter(what, mesh.vertices, info.diameter_m)
+    _check_volume(path, mesh)
+    mesh = mesh if info is not None else _as_written(mesh)
+    if info is None:
+        _check_usual(path, mesh, told, read_as)
+    return mesh, read_as, [check_bodies(what, mesh), _far_origin(what, mesh)]
 
 
 def _check_numbers(what: str, told: Told) -> None:

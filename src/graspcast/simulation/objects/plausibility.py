@@ -138,7 +138,7 @@ def check_primitives(
 
 
 def check_grasp_is_near(grasp: Grasp, grasp_object: GraspObject) -> None:
-    """Check that a reference grasp is at its object.
+    """Check that a grasp is at its object.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def check_grasp_is_near(grasp: Grasp, grasp_object: GraspObject) -> None:
     units = [unit for unit in METRES if unit != "m" and gap(METRES[unit]) <= _NEAR_GRASP_M]
     names = " or ".join(UNIT_NAMES[unit] for unit in units)
     raise MismatchError(
-        f"the grasp of {grasp.object!r} by {grasp.gripper!r} is {shown(away)} away from the "
+        f"the grasp of {grasp} is {shown(away)} away from the "
         f"object, which is {shown(float((high - low).max()))} across; "
         + (
             f"is position_m in {names}, not in metres?"

@@ -1,4 +1,4 @@
-"""Objects to be grasped, with their collision shape, and reference grasps of them."""
+"""Objects to be grasped, with their collision shape, and grasps of them."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from graspcast.errors import InputError
+from graspcast.estimates.outcomes import REFERENCE_GRASP
 
 __all__ = [
     "ConvexPiece",
@@ -120,7 +121,7 @@ class GraspObject:
 
 @dataclass(frozen=True, eq=False)
 class Grasp:
-    """Reference grasp: pose of the gripper's tool centre point (TCP) in the object's frame.
+    """Grasp: pose of the gripper's tool centre point (TCP) in the object's frame.
 
     In the TCP's frame z is the direction of approach, from the palm out along the fingers, and x
     the direction in which the fingers close.
@@ -133,14 +134,27 @@ class Grasp:
         The object's name.
     gripper
         The gripper's name.
+    name
+        The grasp's name, which tells it from others of the same object and gripper.
     """
 
     obj_T_grasp: Float[ndarray, "4 4"]
     object: str
     gripper: str
+    name: str = REFERENCE_GRASP
 
     def __post_init__(self) -> None:
-        check_rigid(self.obj_T_grasp, f"the grasp of {self.object!r} by {self.gripper!r}")
+        check_rigid(self.obj_T_grasp, f"the grasp of {self}")
+        if not self.name or self.name != self.name.strip():
+            raise InputError(
+                f"a grasp of {self.object!r} by {self.gripper!r} is named {self.name!r}; give a "
+                "name without spaces around it"
+            )
+
+    def __str__(self) -> str:
+        """``'ycbv-4' by 'parallel'``, and the name of a grasp that is not the reference grasp."""
+        which = "" if self.name == REFERENCE_GRASP else f", grasp {self.name!r}"
+        return f"{self.object!r} by {self.gripper!r}{which}"
 
 
 def box_corners(half: Sequence[float] | ndarray) -> Float[ndarray, "*batch 8 3"]:

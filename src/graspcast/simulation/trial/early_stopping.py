@@ -1,8 +1,8 @@
 """Early stopping of a trial: end the lift as soon as its outcome can no longer change.
 
 A trial is stopped early in three cases: the hand's path never comes near the object; the object
-stays behind where the rising hand cannot reach it; or the object hangs in the hand so still that
-the rest of the lift cannot carry it across the tolerance.
+stays behind where the rising hand cannot reach it; or the object hangs in the hand so still, or
+comes to rest in it so fast, that the rest of the lift cannot carry it across the tolerance.
 """
 
 from __future__ import annotations
@@ -16,12 +16,19 @@ from numpy import ndarray
 
 from graspcast.simulation.trial.scene import Contacts, Scene
 
-__all__ = ["HoldMonitor", "above_table", "left_behind_offset_m", "out_of_reach"]
+__all__ = ["CHECK_S", "RULES", "HoldMonitor", "above_table", "left_behind_offset_m", "out_of_reach"]
+
+CHECK_S = 0.04
+"""Time between two checks during the lift, seconds."""
+
+RULES = 2
+"""Version of these rules; it is part of the digest of trials that they stop."""
 
 _AT_REST = 2e-3
 _CLEARANCE_M = 0.01
-_STEADY_AFTER_S, _STEADY_WINDOW_S = 0.6, 0.3
+_INTERVALS = 2
 _EXTRAPOLATE, _TURN_RAD, _POSTURE_M, _SHIFT_M = 2.0, 0.25, 5e-3, 2e-3
+_FADING, _FADING_MARGIN, _NO_CREEP_IMPRATIO = 0.8, 4.0, 1000.0
 
 
 def out_of_reach(scene: Scene, start: Float[ndarray, " 3"], end: Float[ndarray, " 3"]) -> bool:
@@ -106,16 +113,19 @@ class HoldMonitor:
     def __init__(self, scene: Scene, offset_at_grasp: Float[ndarray, " 3"]):
         self._scene = scene
         self._reference = offset_at_grasp
-        self._window: deque[_Sample] = deque()
+        self._samples: deque[_Sample] = deque(maxlen=2 * _INTERVALS + 1)
+        # Friction creeps at a constant rate where its impedance is low.
+        self._creeps = scene.settings.impratio < _NO_CREEP_IMPRATIO
 
-    def should_stop(self, lifted_s: float, contacts: Contacts) -> bool:
+    def should_stop(self, lifted_s: float, contacts: Contacts, *, pressing: bool) -> bool:
         """Record the current state and return whether the trial can be stopped.
 
-        Call it at regular times. The object must be held clear of the table. The motion over the
-        last 0.3 s, extrapolated at twice its rate to the end of the lift, must keep the offset on
-        the same side of the tolerance, the object within 2 mm and 15 degrees of its current pose,
-        and the fingers within 5 mm: a grip that gives way slowly lets go at once where it reaches
-        an edge.
+        Call it every ``CHECK_S``. The object must be held clear of the table. Its motion in the
+        hand over the last 0.08 s is extrapolated to the end of the lift, at twice its rate; or, if
+        it is less than 0.8 of that in the 0.08 s before, as a geometric series, four times its sum.
+        That must keep the offset on the same side of the tolerance, the object within 2 mm and 15
+        degrees of its current pose, and the fingers within 5 mm: a grip that gives way slowly lets
+        go at once where it reaches an edge.
 
         Parameters
         ----------
@@ -123,45 +133,50 @@ class HoldMonitor:
             Time since the start of the lift, seconds.
         contacts
             Contacts of the current state.
+        pressing
+            Whether the hand is as closed, or presses as hard, as it will.
         """
-        scene = self._scene
-        if not contacts.hand_object or contacts.table_object:
-            self._window.clear()
+        scene, settings = self._scene, self._scene.settings
+        if not pressing or not contacts.hand_object or contacts.table_object:
+            self._samples.clear()
             return False
-        now = self._sample(lifted_s)
-        self._window.append(now)
-        while lifted_s - self._window[0].time > _STEADY_WINDOW_S + 1e-9:
-            self._window.popleft()
-        duration = lifted_s - self._window[0].time
-        if lifted_s < _STEADY_AFTER_S or duration < _STEADY_WINDOW_S - 1e-9:
+        self._samples.append(self._sample())
+        window = _INTERVALS * CHECK_S
+        if len(self._samples) <= 2 * _INTERVALS or lifted_s < settings.lift_ramp_s + CHECK_S:
             return False
-        if scene.object_boxes()[0][:, 2].min() < _CLEARANCE_M:
-            return False
-        ahead = _EXTRAPOLATE * (scene.settings.lift_s - lifted_s) / duration
-        before = list(self._window)
-        shift = ahead * np.linalg.norm(now.offset - [s.offset for s in before], axis=1).max()
-        # The chord of a small rotation: |R - R'| = sqrt(8) sin(angle / 2).
-        chords = np.linalg.norm(now.rotation - [s.rotation for s in before], axis=(1, 2))
-        angle = ahead * chords.max() / np.sqrt(2.0)
-        joint = ahead * np.abs(now.joints - [s.joints for s in before]).max()
-        margin = abs(float(np.linalg.norm(now.offset)) - scene.settings.tolerance_m)
-        return bool(shift < min(_SHIFT_M, margin) and joint < _POSTURE_M and angle < _TURN_RAD)
+        left = (settings.lift_s - lifted_s) / window
+        margin = abs(float(np.linalg.norm(self._samples[-1].offset)) - settings.tolerance_m)
+        # The chord of a small rotation: |R - R'| = sqrt(2) * angle.
+        limits = (_POSTURE_M, min(_SHIFT_M, margin), _TURN_RAD * np.sqrt(2.0))
+        motions = (np.array(values) for values in zip(*self._samples, strict=True))
+        for values, limit in zip(motions, limits, strict=True):
+            if not self._remaining(values, left) < limit:
+                return False
+        return bool(scene.object_boxes()[0][:, 2].min() >= _CLEARANCE_M)
 
-    def _sample(self, lifted_s: float) -> _Sample:
+    def _remaining(self, values: Float[ndarray, "s v"], left: float) -> float:
+        """Return a bound on the motion in ``left`` further windows."""
+        before, now = (
+            float(np.sqrt(np.square(part[:-1] - part[-1]).sum(axis=1).max()))
+            for part in (values[: _INTERVALS + 1], values[_INTERVALS:])
+        )
+        if not self._creeps and now < _FADING * before:
+            return min(_EXTRAPOLATE * left * now, _FADING_MARGIN * now * now / (before - now))
+        return _EXTRAPOLATE * left * now
+
+    def _sample(self) -> _Sample:
         scene = self._scene
         base = scene.data.xmat[scene.base_body].reshape(3, 3)
         return _Sample(
-            lifted_s,
-            scene.centroid_in_base() - self._reference,
-            base.T @ scene.data.xmat[scene.object_body].reshape(3, 3),
             scene.posture(),
+            scene.centroid_in_base() - self._reference,
+            (base.T @ scene.data.xmat[scene.object_body].reshape(3, 3)).ravel(),
         )
 
 
 class _Sample(NamedTuple):
-    """State of the object in the hand at one time."""
+    """State of hand and object at one time."""
 
-    time: float
-    offset: Float[ndarray, " 3"]
-    rotation: Float[ndarray, "3 3"]
     joints: Float[ndarray, " j"]
+    offset: Float[ndarray, " 3"]
+    rotation: Float[ndarray, " 9"]

@@ -19,7 +19,7 @@ from graspcast.pose.transforms import invert, quaternion, rotation_from_quaterni
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.mujoco_messages import compile_spec
 from graspcast.simulation.objects.types import ConvexPiece, GraspObject, box_corners
-from graspcast.simulation.trial.scene_spec import ARM_STIFFNESS, scene_spec
+from graspcast.simulation.trial.scene_spec import ARM_STIFFNESS, scene_spec, set_solver
 from graspcast.simulation.trial.settings import TrialSettings
 
 __all__ = ["HAND", "OBJECT", "TABLE", "Contacts", "Scene", "build_scene"]
@@ -42,8 +42,9 @@ class Contacts(NamedTuple):
 class Scene:
     """Compiled model of a scene, one state of it, and the indices of its parts in both.
 
-    Only :meth:`place` and :meth:`lock_approach` change ``model``: the pose of the arm's mount and
-    the force limit of its approach. ``place`` sets both.
+    Only :meth:`place`, :meth:`set_grip_solver` and :meth:`lock_approach` change ``model``: the pose
+    of the arm's mount, the force limit of its approach, and the solver's options. ``place`` sets
+    all of them.
 
     Attributes
     ----------
@@ -57,6 +58,8 @@ class Scene:
         Body numbers of the object, the hand's base and the arm's mount.
     object_qpos, approach_qpos, lift_qpos
         Positions of the object's pose and of the arm's slides in ``data.qpos``.
+    lift_ctrl
+        Actuator number of the lift.
     hand_joints
         Joint numbers of the hand.
     joint_levers
@@ -86,6 +89,7 @@ class Scene:
     object_qpos: slice
     approach_qpos: int
     lift_qpos: int
+    lift_ctrl: int
     hand_joints: ndarray
     joint_levers: ndarray
     hand_ctrl: dict[str, int]
@@ -98,6 +102,7 @@ class Scene:
 
     def place(self, sim_T_base: Float[ndarray, "4 4"], approach_m: float) -> None:
         """Reset to rest, the hand's base ``approach_m`` along the approach from ``sim_T_base``."""
+        set_solver(self.model.opt, self.settings.solver)
         mujoco.mj_resetData(self.model, self.data)
         self.model.body_pos[self.mount_body] = sim_T_base[:3, 3]
         mujoco.mju_mat2Quat(self.model.body_quat[self.mount_body], sim_T_base[:3, :3].ravel())
@@ -113,6 +118,10 @@ class Scene:
         parked = np.eye(4)
         parked[2, 3] = _PARKED_M
         self.place(parked, 0.0)
+
+    def set_grip_solver(self) -> None:
+        """Set the solver that applies from when the hand grips."""
+        set_solver(self.model.opt, self.settings.grip_solver)
 
     def lock_approach(self) -> None:
         """Hold the hand at its current place on the approach, with its current force."""
@@ -176,6 +185,13 @@ class Scene:
         """Return the speed of the fastest joint of the hand, m/s; of a hinge, at its lever."""
         speeds = self.data.qvel[self.model.jnt_dofadr[self.hand_joints]] * self.joint_levers
         return float(np.abs(speeds).max())
+
+    def hand_saturated(self) -> bool:
+        """Return whether every actuator of the hand exerts its largest force."""
+        actuators = list(self.hand_ctrl.values())
+        limits = np.abs(self.model.actuator_forcerange[actuators]).max(axis=1)
+        forces = np.abs(self.data.actuator_force[actuators])
+        return bool(((limits > 0) & (forces > 0.999 * limits)).all())
 
     def grip_n(self) -> float:
         """Return the horizontal force with which the hand presses on each side of the object, N.
@@ -273,6 +289,7 @@ def build_scene(grasp_object: GraspObject, gripper: Gripper, settings: TrialSett
         object_qpos=slice(start, start + 7),
         approach_qpos=int(model.jnt_qposadr[model.joint("approach").id]),
         lift_qpos=int(model.jnt_qposadr[model.joint("lift").id]),
+        lift_ctrl=model.actuator("lift").id,
         hand_joints=joints,
         joint_levers=levers,
         hand_ctrl=controls,

@@ -18,7 +18,7 @@ from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import ConvexPiece, GraspObject
 from graspcast.simulation.trial.settings import TrialSettings
 
-__all__ = ["ARM_STIFFNESS", "scene_spec"]
+__all__ = ["ARM_STIFFNESS", "scene_spec", "set_solver"]
 
 ARM_STIFFNESS = 1e5
 """Stiffness of the arm's two servos, N/m."""
@@ -49,6 +49,13 @@ def scene_spec(grasp_object: GraspObject, gripper: Gripper, settings: TrialSetti
     return spec
 
 
+def set_solver(option: Any, solver: tuple[float, str]) -> None:
+    """Set the tolerance of the constraint solver, and how it stores Jacobians."""
+    tolerance, jacobian = solver
+    option.tolerance = tolerance
+    option.jacobian = getattr(mujoco.mjtJacobian, "mjJAC_" + jacobian.upper())
+
+
 def _set_options(spec: Any, settings: TrialSettings) -> None:
     option = spec.option
     option.timestep = settings.timestep
@@ -57,6 +64,7 @@ def _set_options(spec: Any, settings: TrialSettings) -> None:
     option.impratio = settings.impratio
     option.noslip_iterations = settings.noslip_iterations
     option.iterations = settings.iterations
+    set_solver(option, settings.solver)
     # An unstable state must be detected, not reset silently.
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     # With so few bodies, finding islands takes longer than it saves.

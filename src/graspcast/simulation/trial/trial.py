@@ -16,10 +16,11 @@ from numpy import ndarray
 from graspcast.errors import MismatchError
 from graspcast.io.hashing import sha256
 from graspcast.pose.transforms import compose, invert
-from graspcast.simulation.grippers.protocol import Gripper, gripper_digest
+from graspcast.simulation.grippers.protocol import Equilibrium, Gripper, gripper_digest
 from graspcast.simulation.objects.types import ConvexPiece, Grasp, GraspObject, check_rigid
 from graspcast.simulation.trial.collision import SAMPLE_S, Approach, CollisionMonitor
 from graspcast.simulation.trial.early_stopping import (
+    CHECK_S,
     HoldMonitor,
     above_table,
     left_behind_offset_m,
@@ -29,7 +30,15 @@ from graspcast.simulation.trial.outcome import REASONS, Outcome, Reason
 from graspcast.simulation.trial.scene import Scene, build_scene
 from graspcast.simulation.trial.settings import TrialSettings
 
-__all__ = ["REASONS", "Outcome", "Reason", "Record", "TrialRunner", "TrialSettings"]
+__all__ = [
+    "REASONS",
+    "Outcome",
+    "Reason",
+    "Record",
+    "TrialRunner",
+    "TrialSettings",
+    "trial_digest",
+]
 
 Record = Callable[[Any, Any, str], None]
 """Called as ``record(model, data, phase)`` before the first step and about every 20 ms of a trial.
@@ -38,7 +47,7 @@ The phases are "approach", "close" and "lift". The state must not be changed.
 """
 
 _SWEEP_M = 0.002
-_COMMAND_S, _CHECK_S, _RECORD_S = 0.02, 0.1, 0.02
+_COMMAND_S, _RECORD_S = 0.02, 0.02
 
 
 class TrialRunner:
@@ -82,8 +91,9 @@ class TrialRunner:
         self.settings = settings or TrialSettings.robot(gripper)
         self.mujoco_version: str = mujoco.__version__
         self.scene = build_scene(grasp_object, gripper, self.settings)
-        self.digest = _digest(grasp_object, gripper, self.settings)
+        self.digest = trial_digest(grasp_object, gripper, self.settings)
         self._tcp_T_base = invert(gripper.base_T_tcp)
+        self._equilibrium = gripper.equilibrium
 
     def sim_T_base(self, obj_T_est: Float[ndarray, "4 4"], grasp: Grasp) -> Float[ndarray, "4 4"]:
         """Return the pose of the hand's base: the reference grasp transferred to the estimate."""
@@ -128,7 +138,9 @@ class TrialRunner:
                 raise MismatchError(
                     f"the grasp is for the {what} {given!r}, the trial for {mine!r}"
                 )
-        trial = _Trial(self.scene, self.gripper, early_stop=early_stop, record=record)
+        trial = _Trial(
+            self.scene, self.gripper, self._equilibrium, early_stop=early_stop, record=record
+        )
         return trial.run(self.sim_T_base(obj_T_est, grasp))
 
 
@@ -139,9 +151,17 @@ class _UnstableError(Exception):
 class _Trial:
     """One trial on a scene."""
 
-    def __init__(self, scene: Scene, gripper: Gripper, *, early_stop: bool, record: Record | None):
+    def __init__(
+        self,
+        scene: Scene,
+        gripper: Gripper,
+        equilibrium: Equilibrium,
+        *,
+        early_stop: bool,
+        record: Record | None,
+    ):
         self.scene, self.gripper, self.settings = scene, gripper, scene.settings
-        self.closing, self.equilibrium = gripper.closing, gripper.equilibrium
+        self.closing, self.equilibrium = gripper.closing, equilibrium
         self.model, self.data = scene.model, scene.data
         self.early_stop, self.record = early_stop, record
         self.phase = "approach"
@@ -262,6 +282,8 @@ class _Trial:
             now = self._state()
             if all(np.abs(new - old).max() < 1.0 for new, old in zip(now, before, strict=True)):
                 break
+            if self.scene.parts_on_object() >= 2:
+                self.scene.set_grip_solver()
             before = now
         self._check_stable()
 
@@ -293,7 +315,7 @@ class _Trial:
         at_grasp = scene.centroid_in_base()
         gripped = scene.parts_on_object() >= 2
         hold = HoldMonitor(scene, at_grasp)
-        servo = self.model.actuator("lift").id
+        scene.set_grip_solver()
         scene.lock_approach()
         lifted = 0.0
         while True:
@@ -304,17 +326,13 @@ class _Trial:
                 final = left_behind_offset_m(scene, at_grasp, remaining)
                 if final is not None:
                     return False, "dropped" if gripped else "missed", final
-            if self.early_stop and lifted > 0 and hold.should_stop(lifted, contacts):
-                break
+            if self.early_stop:
+                pressing = closed or scene.hand_saturated()
+                if hold.should_stop(lifted, contacts, pressing=pressing):
+                    break
             if lifted >= settings.lift_s - 1e-9:
                 break
-            while lifted < settings.lift_ramp_s - 1e-9:
-                lifted += _COMMAND_S
-                data.ctrl[servo] = settings.lift_speed * min(1.0, lifted / settings.lift_ramp_s)
-                self._advance_closing(_COMMAND_S)
-            interval = min(_CHECK_S, settings.lift_s - lifted)
-            self._advance_closing(interval)
-            lifted += interval
+            lifted = self._advance_lift(lifted, min(CHECK_S, settings.lift_s - lifted))
             self._check_stable()
         offset = float(np.linalg.norm(scene.centroid_in_base() - at_grasp))
         if offset <= settings.tolerance_m:
@@ -322,6 +340,22 @@ class _Trial:
         if contacts.hand_object:
             return False, "slipped", offset
         return False, "dropped" if gripped else "missed", offset
+
+    def _advance_lift(self, lifted: float, seconds: float) -> float:
+        """Simulate some time of the lift, and return the time since its start."""
+        end, ramp = lifted + seconds, self.settings.lift_ramp_s
+        while lifted < min(end, ramp) - 1e-9:
+            lifted += _COMMAND_S
+            self._command_lift(min(1.0, lifted / ramp))
+            self._advance_closing(_COMMAND_S)
+        if lifted < end - 1e-9:
+            self._command_lift(1.0)
+            self._advance_closing(end - lifted)
+        return max(lifted, end)
+
+    def _command_lift(self, share: float) -> None:
+        """Command a share of the lift's speed."""
+        self.data.ctrl[self.scene.lift_ctrl] = share * self.settings.lift_speed
 
     def _advance(self, seconds: float) -> None:
         """Simulate some time."""
@@ -349,7 +383,8 @@ class _Trial:
             self.record(self.model, self.data, self.phase)
 
 
-def _digest(grasp_object: GraspObject, gripper: Gripper, settings: TrialSettings) -> str:
+def trial_digest(grasp_object: GraspObject, gripper: Gripper, settings: TrialSettings) -> str:
+    """Return the SHA-256 of an object, a gripper and every setting of a trial, as hex."""
     parts: list[str | ndarray] = []
     for piece in grasp_object.pieces:
         if isinstance(piece, ConvexPiece):

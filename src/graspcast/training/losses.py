@@ -1,81 +1,19 @@
-"""Loss functions, each the minimum over the object's symmetries."""
+"""Loss functions of the networks, each the minimum over the object's symmetries."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from training.crops import Objects
-from training.networks import BINS, HEAT_CELLS, KEYPOINTS
-from training.samples import Batch
+from graspcast.training.batches import Batch
+from graspcast.training.geometry import Geometry
+from graspcast.training.networks import BINS, HEAT_CELLS
 
-_MOST_SYMMETRIES = 12
-_POINTS = 48
-
-
-@dataclass
-class Geometry:
-    """Geometry of the objects as tensors, in the order of their ids.
-
-    Attributes
-    ----------
-    low, size
-        Minimum corner and sides of the bounding box, metres, (o, 3).
-    diameter
-        Diameter, metres, (o,).
-    keypoints
-        Farthest-point samples of the surface, metres, (o, KEYPOINTS, 3).
-    points
-        Points on the surface, metres, (o, _POINTS, 3).
-    symmetries
-        Symmetry transforms, (o, s, 4, 4), the identity first and as padding.
-    """
-
-    low: Tensor
-    size: Tensor
-    diameter: Tensor
-    keypoints: Tensor
-    points: Tensor
-    symmetries: Tensor
-
-    @classmethod
-    def of(cls, objects: Objects) -> Geometry:
-        infos = [objects.models[k] for k in objects.ids]
-        count = min(_MOST_SYMMETRIES, max(len(i.symmetries) for i in infos))
-        symmetries = np.tile(np.eye(4), (len(infos), count, 1, 1))
-        for k, info in enumerate(infos):
-            every = -(-len(info.symmetries) // count)
-            chosen = info.symmetries[::every]
-            symmetries[k, : len(chosen)] = chosen
-        spread = [farthest_points(objects.meshes[k].vertices, _POINTS) for k in objects.ids]
-
-        def tensor(values: object) -> Tensor:
-            return torch.from_numpy(np.array(values)).float()
-
-        return cls(
-            low=tensor([i.lower for i in infos]),
-            size=tensor([i.size for i in infos]),
-            diameter=tensor([i.diameter_m for i in infos]),
-            keypoints=tensor([p[:KEYPOINTS] for p in spread]),
-            points=tensor(spread),
-            symmetries=tensor(symmetries),
-        )
-
-
-def farthest_points(vertices: np.ndarray, count: int) -> np.ndarray:
-    """Farthest-point sampling; the first point is the farthest from the box's centre."""
-    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-    distance = np.linalg.norm(vertices - middle, axis=1)
-    chosen = [int(np.argmax(distance))]
-    distance = np.full(len(vertices), np.inf)
-    for _ in range(count - 1):
-        distance = np.minimum(distance, np.linalg.norm(vertices - vertices[chosen[-1]], axis=1))
-        chosen.append(int(np.argmax(distance)))
-    return vertices[chosen]
+__all__ = ["LOSSES", "rotation_of"]
 
 
 def _least(losses: list[Tensor]) -> Tensor:
@@ -121,7 +59,7 @@ def _map_losses(output: Tensor, batch: Batch, geometry: Geometry) -> list[Tensor
 def keypoints(output: Tensor, batch: Batch, geometry: Geometry) -> Tensor:
     """Compute the loss of ``keypoints``: cross-entropy to a Gaussian; none outside of the crop."""
     logits = output.flatten(2).log_softmax(dim=2).unflatten(2, (HEAT_CELLS, HEAT_CELLS))
-    cells = torch.arange(HEAT_CELLS, dtype=torch.float32)
+    cells = torch.arange(HEAT_CELLS, dtype=torch.float32, device=output.device)
     losses = []
     for s in range(geometry.symmetries.shape[1]):
         symmetry = geometry.symmetries[batch.obj, s]
@@ -155,4 +93,9 @@ def rotation_of(six: Tensor) -> Tensor:
     return torch.stack([x, y, torch.linalg.cross(x, y)], dim=1)
 
 
-LOSSES = {"dense": dense, "direct": direct, "keypoints": keypoints}
+LOSSES: dict[str, Callable[[Any, Batch, Geometry], Tensor]] = {
+    "dense": dense,
+    "direct": direct,
+    "keypoints": keypoints,
+}
+"""The loss function of each estimator."""

@@ -1,19 +1,23 @@
-"""Training batches: stored crops with jitter and image augmentation."""
+"""Training batches: stored crops with jitter and image augmentation, as tensors."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
+from numpy import ndarray
 from torch import Tensor
 from torch.nn import functional as F
 
 from graspcast.perception.crops import MARGIN
 from graspcast.rendering.synthetic.camera import INTRINSICS
-from training.crops import STORED_MARGIN, Objects
-from training.networks import CELLS, PIXELS
+from graspcast.training.networks import CELLS, PIXELS
+from graspcast.training.objects import Objects
+from graspcast.training.samples import STORED_MARGIN
+
+__all__ = ["Batch", "make_batch"]
 
 
 @dataclass
@@ -47,45 +51,16 @@ class Batch:
 
     def project(self, points: Tensor) -> Tensor:
         """Project points in the object's frame to the crop, (b, k, 3) to (b, k, 2)."""
-        K = torch.tensor(INTRINSICS, dtype=torch.float32)
+        K = torch.tensor(INTRINSICS, dtype=torch.float32, device=points.device)
         pixel = (points @ self.cam_R.mT + self.translation[:, None]) @ K.T
         pixel = pixel[..., :2] / pixel[..., 2:]
         return ((pixel - self.crop[:, None, :2]) / self.crop[:, None, 2:]) @ self.turn.mT
 
-
-class Samples:
-    """All stored crops of a directory, in memory."""
-
-    def __init__(self, directory: Path):
-        self.directory, self.files = directory, 0
-        self.columns: dict[str, list[np.ndarray]] = {}
-        self.refresh()
-
-    def refresh(self) -> None:
-        """Load files written since the last call."""
-        paths = sorted(self.directory.glob("*.npz"))
-        for path in paths[self.files :]:
-            with np.load(path) as stored:
-                for name in stored.files:
-                    self.columns.setdefault(name, []).append(stored[name])
-        self.files = len(paths)
-        if not paths:
-            raise SystemExit(f"{self.directory}: no samples; render some first")
-        sizes = [len(a) for a in self.columns["object"]]
-        self.starts = np.concatenate([[0], np.cumsum(sizes)])
-
-    def __len__(self) -> int:
-        return int(self.starts[-1])
-
-    def take(self, rows: np.ndarray) -> dict[str, Tensor]:
-        file = np.searchsorted(self.starts, rows, side="right") - 1
-        place = rows - self.starts[file]
-        return {
-            name: torch.from_numpy(
-                np.stack([parts[f][p] for f, p in zip(file, place, strict=True)])
-            )
-            for name, parts in self.columns.items()
-        }
+    def to(self, device: str) -> Batch:
+        """Return the batch on a device, images in the memory format of convolutions there."""
+        moved = {f.name: getattr(self, f.name).to(device) for f in fields(self)}
+        moved["image"] = moved["image"].contiguous(memory_format=torch.channels_last)
+        return Batch(**moved)
 
 
 def _ray_rotation(crop: Tensor) -> Tensor:
@@ -101,12 +76,25 @@ def _ray_rotation(crop: Tensor) -> Tensor:
 
 
 def make_batch(
-    raw: dict[str, Tensor],
+    stored_crops: Mapping[str, ndarray],
     objects: Objects,
     random: torch.Generator | None,
     strength: float = 1.0,
 ) -> Batch:
-    """Make a batch; with a random generator, jitter the crops and augment the images."""
+    """Make a batch on the CPU; with a random generator, jitter the crops and augment the images.
+
+    Parameters
+    ----------
+    stored_crops
+        Columns of some samples, as :meth:`graspcast.training.samples.Samples.take` returns them.
+    objects
+        The objects.
+    random
+        The random generator; None for crops and images as they are stored.
+    strength
+        Strength of turns and of augmentation; 1 for photographs.
+    """
+    raw = {name: torch.from_numpy(np.ascontiguousarray(v)) for name, v in stored_crops.items()}
     n = len(raw["object"])
     stored = raw["crop"].float()
     zero = torch.zeros(n)

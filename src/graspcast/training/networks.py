@@ -6,9 +6,12 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+__all__ = ["BINS", "CELLS", "HEAT_CELLS", "KEYPOINTS", "NETWORKS", "PIXELS"]
+
 PIXELS, CELLS, HEAT_CELLS = 64, 16, 32
 """Side of a crop in pixels, of a coordinate map in cells, of a heat map in cells."""
 BINS, KEYPOINTS = 16, 12
+"""Number of bins of a coordinate, and of keypoints of an object."""
 
 MAP_WIDTH = 40
 _WIDTHS = (24, 40, 80, 72)
@@ -183,7 +186,7 @@ def _moments(points: Tensor, grid: Tensor, mask: Tensor) -> Tensor:
     x, u = points.flatten(2), grid.flatten(2)
     middle_x, middle_u = (weight * x).sum(2, keepdim=True), (weight * u).sum(2, keepdim=True)
     x, u = x - middle_x, u - middle_u
-    spread = (weight * x) @ x.mT + 1e-3 * torch.eye(3)
+    spread = (weight * x) @ x.mT + 1e-3 * torch.eye(3, device=points.device)
     a, b, c = spread.unbind(dim=2)
     adjugate = torch.stack([_cross(b, c), _cross(c, a), _cross(a, b)], dim=1)
     determinant = (a * adjugate[:, 0]).sum(dim=1)
