@@ -276,9 +276,7 @@ def results(
     grasps = read_grasps()
     for name, candidate in CANDIDATES.items():
         row: dict[str, Any] = {"candidate": name, "cells": {}}
-        for pair in trials.requests.pairs():
-            if pair[1] != candidate.gripper:
-                continue
+        for pair in [key[:2] for key in trials.requests.setups() if key[1] == candidate.gripper]:
             target = targets[pair[0]]
             parallel = candidate.gripper == "parallel"
             shape = franka(candidate) if parallel else tendon_hand(target)
@@ -309,7 +307,7 @@ def main() -> None:
     data = Published(options.data)
     trials = published_trials(data)
     roots = {name: dataset.root for name, dataset in data.bop.items()}
-    names = sorted({name for name, _ in trials.requests.pairs()})
+    names = sorted({name for name, *_ in trials.requests.setups()})
     targets = {name: load_object(name, bop_dirs=roots) for name in names}
     found = []
     for row in results(trials, targets, options.effort):
