@@ -1,4 +1,4 @@
-"""What the robot's protocol makes of contact on the approach, beside the paper's.
+"""What the robot's protocol makes of contact on the approach, beside an arm that presses on.
 
     python benchmarks/approach_contact.py --data DIR --json contact.json
 
@@ -12,8 +12,8 @@ prints, and writes as JSON,
 - ``rule``: for a random sample of the published trials on *train* images, the agreement of the
   simulated with the published outcomes by limits of force and of distance.
 
-Every trial is run once, with limits that are never reached: it then has the paper's label, the
-largest lasting force and how far short the hand was, and so its label by any limits.
+Every trial is run once, with limits that are never reached: it then has the label of an arm without
+limits, the largest lasting force and how far short the hand was, and so its label by any limits.
 """
 
 from __future__ import annotations
@@ -50,8 +50,9 @@ from graspcast.simulation.trial.trial import Outcome, TrialRunner, TrialSettings
 
 DEPTHS_MM = (0, 5, 10, 20, 40, 80)
 ROBOT = TrialSettings()
+UNLIMITED = replace(ROBOT, contact_force_n=None, short_m=None)
 WATCHED = TrialSettings.robot(contact_force_n=1e6, short_m=2.0)
-"""Limits that no trial reaches: the paper's labels, with what happened on the approach."""
+"""Limits that no trial reaches: the labels without limits, with what happened on the approach."""
 FORCES_N = (10, 15, 20, 30, 40, 60, 80, 95)
 SHORT_MM = (1, 2, 5, 10, 15, 20, 30)
 
@@ -128,7 +129,7 @@ def deep(bop: Path, count: int) -> list[dict[str, Any]]:
             errors = [along @ exp(t) for t in rng.standard_normal((count, 6)) * scale]
             outcomes = [runner.run(error, grasp) for error in errors]
             limits = ROBOT.contact_force_n, ROBOT.short_m
-            row[f"paper {depth}"] = float(np.mean([o.success for o in outcomes]))
+            row[f"unlimited {depth}"] = float(np.mean([o.success for o in outcomes]))
             row[f"robot {depth}"] = float(np.mean([label(o, *limits) for o in outcomes]))
             row[f"blocked {depth}"] = sum(o.reason == "blocked" for o in outcomes)
         rows.append(row)
@@ -148,10 +149,15 @@ def perfect(bop: Path) -> list[dict[str, Any]]:
         assert robot.success == label(watched, ROBOT.contact_force_n, ROBOT.short_m)
         jittered = {
             f"{who} of 20": held_under_jitter(TrialRunner(target, gripper, settings), grasp)
-            for who, settings in (("paper", TrialSettings.paper()), ("robot", ROBOT))
+            for who, settings in (("unlimited", UNLIMITED), ("robot", ROBOT))
         }
         rows.append(
-            {"object": grasp.object, "gripper": grasp.gripper, "paper": watched.reason, **jittered}
+            {
+                "object": grasp.object,
+                "gripper": grasp.gripper,
+                "unlimited": watched.reason,
+                **jittered,
+            }
             | {"robot": robot.reason, "short_mm": 1e3 * robot.short_m, "hit": robot.hit}
             | {"force_n": watched.force_n}
         )
@@ -193,16 +199,16 @@ def published(outcomes: pl.DataFrame) -> dict[str, Any]:
     out: dict[str, Any] = {"n": len(outcomes)}
     for gripper in (*GRIPPERS, "both"):
         mine = outcomes if gripper == "both" else outcomes.filter(pl.col("gripper") == gripper)
-        paper, robot = (
+        unlimited, robot = (
             labels(mine, *limits)
             for limits in ((np.inf, np.inf), (ROBOT.contact_force_n, ROBOT.short_m))
         )
         out[gripper] = {
             "n": len(mine),
-            "changed": int((paper != robot).sum()),
-            "paper": compared(mine, paper),
+            "changed": int((unlimited != robot).sum()),
+            "unlimited": compared(mine, unlimited),
             "robot": compared(mine, robot),
-            "hit": dict(mine.filter(pl.Series(paper != robot))["hit"].value_counts().rows()),
+            "hit": dict(mine.filter(pl.Series(unlimited != robot))["hit"].value_counts().rows()),
         }
     return out
 
@@ -224,34 +230,44 @@ def rendered(found: dict[str, Any]) -> str:
         head = ["object", "gripper", *(f"{depth} mm" for depth in DEPTHS_MM)]
         rows = []
         for row in found["deep"]:
-            pairs = [[row[f"{who} {d}"] for who in ("paper", "robot")] for d in DEPTHS_MM]
+            pairs = [[row[f"{who} {d}"] for who in ("unlimited", "robot")] for d in DEPTHS_MM]
             shares = [" / ".join(f"{x:.2f}" for x in pair) for pair in pairs]
             rows.append([row["object"], row["gripper"], *shares])
         count = len(found["deep"])
         means = [
             " / ".join(
                 f"{sum(row[f'{who} {d}'] for row in found['deep']) / count:.2f}"
-                for who in ("paper", "robot")
+                for who in ("unlimited", "robot")
             )
             for d in DEPTHS_MM
         ]
         out.append(table(head, [*rows, ["mean", "", *means]], text_columns=2))
     if "perfect" in found:
         rows = [
-            [r["object"], r["gripper"], r["paper"], r["robot"], f"{r['force_n']:.0f} N"]
-            + [f"{r[f'{who} of 20']}/20" for who in ("paper", "robot")]
+            [r["object"], r["gripper"], r["unlimited"], r["robot"], f"{r['force_n']:.0f} N"]
+            + [f"{r[f'{who} of 20']}/20" for who in ("unlimited", "robot")]
             for r in found["perfect"]
             if r["robot of 20"] < 20 or r["robot"] != "held"
         ]
-        head = ["true pose not held", "gripper", "paper", "robot", "force"]
-        head += ["jittered, paper", "robot"]
+        head = ["true pose not held", "gripper", "unlimited", "robot", "force"]
+        head += ["jittered, unlimited", "robot"]
         out.append(table(head, rows, text_columns=4))
     if "published" in found:
-        head = ["gripper", "n", "labels changed", "agreement, paper", "robot", "κ, paper", "robot"]
+        head = [
+            "gripper",
+            "n",
+            "labels changed",
+            "agreement, unlimited",
+            "robot",
+            "κ, unlimited",
+            "robot",
+        ]
         rows = []
         for name in (*GRIPPERS, "both"):
             part = found["published"][name]
-            figures = [part[who][k] for k in ("agreement", "kappa") for who in ("paper", "robot")]
+            figures = [
+                part[who][k] for k in ("agreement", "kappa") for who in ("unlimited", "robot")
+            ]
             rows.append([name, part["n"], part["changed"], *(f"{x:.3f}" for x in figures)])
         out.append(table(head, rows))
     if "rule" in found:

@@ -150,7 +150,7 @@ class Trials:
     def __init__(self, scenario: Scenario, guide: str, results: Results, test: pl.DataFrame | None):
         self.scenario, self.guide = scenario, guide
         self.roots = {scenario.name: scenario.dataset.root}
-        self.grasps, notes, name = read_grasps(), list[str](), slug(guide)
+        self.grasps, notes, name = read_grasps(protocol="paper"), list[str](), slug(guide)
         requests = trials_from_estimates(
             {scenario.name: {name: results}},
             {scenario.name: scenario.dataset},
@@ -190,7 +190,7 @@ class Trials:
 
 def true_poses_tried(scenario: Scenario, work: Path) -> pl.DataFrame:
     """Simulate the grasp of each object by each gripper, guided by its true pose."""
-    grasps, roots = read_grasps(), {scenario.name: scenario.dataset.root}
+    grasps, roots = read_grasps(protocol="paper"), {scenario.name: scenario.dataset.root}
     objects = sorted(set(scenario.results[scenario.principal].obj_id.tolist()))
     pairs = [(o, g) for g in GRIPPERS for o in objects if (f"{scenario.name}-{o}", g) in grasps]
     keys = pl.DataFrame(pairs, schema=["obj_id", "gripper"], orient="row").with_columns(

@@ -48,7 +48,7 @@ def test_a_grasp_that_collides_at_the_true_pose_is_said_to(
     assert "collides even with a perfect estimate: cube by parallel" in err
     assert main([*command, "--protocol", "paper"]) == 0
     out, err = capsys.readouterr()
-    assert "held" in out and "collides" not in err
+    assert "blocked" in out and "collides" not in err
 
 
 def test_every_grasp_of_an_object_is_drawn(

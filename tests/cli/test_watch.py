@@ -37,7 +37,7 @@ def test_a_hand_that_goes_too_deep_is_said_to_stop_short(
     said = capsys.readouterr().out
     assert re.search(r"collided, stopped \d\d mm short, pressing the object with \d+ N", said)
     assert main([*trial, "--protocol", "paper"]) == 0
-    assert "held" in capsys.readouterr().out
+    assert "blocked" in capsys.readouterr().out
     assert main([*trial, "--contact-force", "150"]) == 0
     assert "stopped" in capsys.readouterr().out, "short of its goal, at any force"
 

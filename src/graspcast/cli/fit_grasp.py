@@ -121,7 +121,7 @@ def _fit_grasp(options: argparse.Namespace) -> None:
     note_sizes([grasp_object], [gripper])
     pair = (grasp_object.name, gripper.name)
     mine = grasps_in(options.out) if options.out.exists() else []
-    known = read_grasps().updated(mine)
+    known = read_grasps(protocol=settings.protocol).updated(mine)
     with progress_bar("searching") as move:
         found = fit_grasp(
             grasp_object,

@@ -91,7 +91,7 @@ def _grasps(options: argparse.Namespace) -> None:
         cells = draw_cells(
             entries,
             grippers,
-            read_grasps(options.grasps),
+            read_grasps(options.grasps, protocol=options.protocol),
             settings=settings,
             catalogue=catalogue,
             bop_dirs=bop_dirs_of(options),
@@ -114,6 +114,6 @@ def _grasps(options: argparse.Namespace) -> None:
     if collided:
         note(
             f"collides even with a perfect estimate: {', '.join(collided)}; choose a grasp that "
-            "leaves the hand more room, or --protocol paper, by which the arm presses on"
+            "leaves the hand more room"
         )
     print_text(str(options.out))

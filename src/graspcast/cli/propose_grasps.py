@@ -129,7 +129,9 @@ def _propose_grasps(options: argparse.Namespace) -> None:
     target = load_object(
         options.object, bop_dirs=bop_dirs, catalogue=read_catalogue(options.catalogue)
     )
-    known = _known(read_grasps(options.grasps), target.name, gripper.name)
+    known = _known(
+        read_grasps(options.grasps, protocol=options.protocol), target.name, gripper.name
+    )
     if known:
         target = known[0].applied_to(target)
     note_sizes([target], [gripper])

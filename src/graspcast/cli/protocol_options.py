@@ -22,7 +22,8 @@ def add_protocol(verb: argparse.ArgumentParser) -> None:
         choices=("robot", "paper"),
         default="robot",
         help="robot: a trial ends as collided when the hand meets something on the approach;\n"
-        "paper: the arm presses on, as in the published outcomes (default: robot)",
+        "paper: it is blocked if the hand would end in the object, else the arm presses on;\n"
+        "reproduces published outcomes, with grasps fitted to them (default: robot)",
     )
     verb.add_argument(
         "--contact-force",

@@ -190,7 +190,8 @@ def _simulate(options: argparse.Namespace) -> None:
         errors = PoseErrors.of_estimates(inputs.results, inputs.datasets)
     grippers = load_grippers(options.gripper)
     settings = {name: settings_of(options, gripper) for name, gripper in grippers.items()}
-    grasps = read_grasps(options.grasps).limited(options.grasp, options.max_grasps)
+    table = read_grasps(options.grasps, protocol=options.protocol)
+    grasps = table.limited(options.grasp, options.max_grasps)
     requests = _requests(options, inputs, errors, grasps, tuple(grippers))
     bop_dirs = {name: dataset.root for name, dataset in inputs.datasets.items()}
     catalogue = read_catalogue(options.catalogue)

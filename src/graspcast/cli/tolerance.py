@@ -80,7 +80,9 @@ def _tolerance(options: argparse.Namespace) -> None:
     catalogue = read_catalogue(options.catalogue)
     name = catalogue[options.object].name
     gripper = load_gripper(options.gripper)
-    reference = read_grasps(options.grasps)(name, gripper.name, options.grasp)
+    reference = read_grasps(options.grasps, protocol=options.protocol)(
+        name, gripper.name, options.grasp
+    )
     covariance = _covariance(options, name)
     target = load_object(name, bop_dirs=bop_dirs_of(options), catalogue=catalogue)
     runner = TrialRunner(reference.applied_to(target), gripper, settings_of(options, gripper))

@@ -65,7 +65,7 @@ def _validate_sim(options: argparse.Namespace) -> None:
     with progress_bar("simulating") as move:
         found = validate(
             data,
-            read_grasps(options.grasps),
+            read_grasps(options.grasps, protocol="paper"),
             out,
             executor=LocalExecutor(options.workers),
             progress=move,

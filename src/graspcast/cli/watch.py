@@ -122,7 +122,7 @@ def _watch(options: argparse.Namespace) -> None:
     name = catalogue[options.object].name
     gripper = load_gripper(options.gripper)
     settings = settings_of(options, gripper)
-    reference = read_grasps(options.grasps)(name, gripper.name)
+    reference = read_grasps(options.grasps, protocol=options.protocol)(name, gripper.name)
     obj_T_est = _estimate(options, catalogue[name])
     target = load_object(name, bop_dirs=bop_dirs_of(options), catalogue=catalogue)
     runner = TrialRunner(reference.applied_to(target), gripper, settings)

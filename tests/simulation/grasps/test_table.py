@@ -64,9 +64,9 @@ def test_the_file_is_sorted_and_writing_it_again_changes_nothing(tmp_path: Path)
 
 def test_the_grasps_that_come_with_it_are_of_known_objects_and_grippers() -> None:
     catalogue = read_catalogue()
-    table = read_grasps()
-    assert len(table)
-    for reference in table:
+    robot, paper = read_grasps(), read_grasps(protocol="paper")
+    assert len(robot) and len(robot) == len(paper)
+    for reference in (*robot, *paper):
         assert reference.grasp.object in catalogue
         assert load_gripper(reference.grasp.gripper).name == reference.grasp.gripper
 
@@ -85,6 +85,15 @@ def test_a_users_grasp_takes_precedence(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(ENTRY.replace("mug", "ycbv-4"))
     assert read_grasps(tmp_path / "mine.toml")("ycbv-4", "parallel").provenance == "by hand"
     assert len(read_grasps(tmp_path / "mine.toml")) == len(read_grasps())
+    paper = read_grasps(tmp_path / "mine.toml", protocol="paper")
+    assert paper("ycbv-4", "parallel").provenance == "by hand"
+
+
+def test_the_paper_s_protocol_has_grasps_of_its_own_which_a_robot_never_gets() -> None:
+    robot, paper = read_grasps(), read_grasps(protocol="paper")
+    pair = ("ycbv-12", "parallel")
+    assert not np.allclose(robot(*pair).grasp.obj_T_grasp, paper(*pair).grasp.obj_T_grasp)
+    assert read_grasps(protocol="robot")(*pair).provenance == robot(*pair).provenance
 
 
 def test_a_pairs_own_friction_and_mass() -> None:

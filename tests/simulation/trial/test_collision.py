@@ -22,7 +22,7 @@ from solids import IDENTITY, box, cylinder
 from trials import GRIPPERS, moved, sample, setup, timeless
 
 RECORDED = Path(__file__).parents[2] / "data" / "paper_protocol_trials.json"
-PAPER = {"contact_force_n": None, "short_m": None}
+UNLIMITED = {"contact_force_n": None, "short_m": None}
 UNREACHED = {"contact_force_n": 1e5, "short_m": 1.9}
 
 
@@ -66,7 +66,7 @@ def test_a_hand_driven_into_the_table_says_so(gripper: str) -> None:
         assert 0.03 < outcome.short_m < 0.11
         assert outcome.force_n > 40.0
         assert outcome.stop.startswith("stopped ") and "pressing the table with" in outcome.stop
-    paper, _ = setup(gripper, box(0.04, 0.04, 0.02), 0.0, **PAPER)
+    paper, _ = setup(gripper, box(0.04, 0.04, 0.02), 0.0, **UNLIMITED)
     assert paper.run(error, grasp).reason == "missed"
 
 
@@ -79,11 +79,11 @@ def test_a_free_approach_meets_nothing(gripper: str) -> None:
 
 
 @pytest.mark.parametrize("gripper", GRIPPERS)
-def test_grasps_that_are_far_too_deep_are_held_by_the_paper_s_protocol_and_collide_by_the_robot_s(
+def test_grasps_that_are_far_too_deep_are_held_without_limits_and_collide_by_the_robot_s_protocol(
     gripper: str,
 ) -> None:
     robot, grasp = setup(gripper, cylinder())
-    paper, _ = setup(gripper, cylinder(), **PAPER)
+    paper, _ = setup(gripper, cylinder(), **UNLIMITED)
     deep = {"parallel": (0.04, 0.06), "underactuated": (0.09, 0.1)}[gripper]
     for depth in deep:
         assert paper.run(moved(z=-depth), grasp).reason == "held"
@@ -126,7 +126,7 @@ def test_labels_by_any_limits_follow_from_one_trial_by_limits_that_are_not_reach
     for runner, error, grasp in sample(gripper, 36):
         base = runner.settings
         watched = limited(runner, UNREACHED).run(error, grasp)
-        paper = limited(runner, PAPER).run(error, grasp)
+        paper = limited(runner, UNLIMITED).run(error, grasp)
         robot = runner.run(error, grasp)
         assert (watched.reason, watched.steps) == (paper.reason, paper.steps)
         limit, short = base.contact_force_n, base.short_m
@@ -170,10 +170,10 @@ def test_forces_of_fingers_that_an_object_spreads_apart_cancel_and_weights_do_no
     np.testing.assert_allclose(np.median(net, axis=0), [0, 0, -0.5 * 9.81], atol=0.05)
 
 
-def test_trials_by_the_paper_s_protocol_are_those_recorded() -> None:
+def test_trials_without_limits_are_those_recorded() -> None:
     """Trials recorded with this version of the physics and of early stopping, to the last bit."""
     recorded = json.loads(RECORDED.read_text())
-    assert TrialSettings.paper().digest() == recorded["settings"]
+    assert replace(TrialSettings(), **UNLIMITED).digest() == recorded["settings"]  # type: ignore[arg-type]
     here = {"mujoco": mujoco.__version__, "machine": platform.machine()}
     here |= {"system": platform.system()}
     if any(recorded[key] != value for key, value in here.items()):
@@ -183,10 +183,10 @@ def test_trials_by_the_paper_s_protocol_are_those_recorded() -> None:
         runners: dict[TrialRunner, TrialRunner] = {}
         for runner, error, grasp in sample(gripper, 48):
             if runner not in runners:
-                runners[runner] = limited(runner, PAPER)
+                runners[runner] = limited(runner, UNLIMITED)
                 digests.append(runners[runner].digest)
             found.append(runners[runner].run(error, grasp))
-        runner, grasp = setup(gripper, box(), **PAPER)
+        runner, grasp = setup(gripper, box(), **UNLIMITED)
         found += [runner.run(moved(z=z), grasp) for z in (-0.04, -0.02, -0.08)]
         assert digests == recorded["trials"][gripper]["digests"]
         same = [[o.reason, float(o.offset_m).hex(), o.steps] for o in found]

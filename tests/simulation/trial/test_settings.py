@@ -38,7 +38,7 @@ def test_settings_that_cannot_work_are_refused() -> None:
 def test_every_setting_is_in_the_digest() -> None:
     settings = TrialSettings()
     other = {"integrator": "euler", "cone": "pyramidal", "condim": 3, "hand_touches_table": False}
-    other |= {"solref": (0.012, 1.0), "solimp": (0.9, 0.95, 0.001)}
+    other |= {"solref": (0.012, 1.0), "solimp": (0.9, 0.95, 0.001), "goal_overlap_m": 0.002}
     other |= {"solver": (1e-9, "dense"), "grip_solver": (1e-14, "dense")}
     digests = {settings.digest()}
     for field in fields(settings):
@@ -50,13 +50,15 @@ def test_every_setting_is_in_the_digest() -> None:
     assert TrialSettings().digest() == settings.digest()
 
 
-def test_the_paper_s_protocol_sets_no_limit_and_its_digest_knows_none() -> None:
+def test_the_paper_s_protocol_sets_no_limit_of_contact_and_its_digest_knows_none() -> None:
     paper, robot = TrialSettings.paper(), TrialSettings.robot()
     assert (paper.protocol, robot.protocol) == ("paper", "robot")
     assert robot == TrialSettings() and paper.contact_force_n is None and paper.short_m is None
     assert "contact_s" not in paper.as_dict() and "contact_s" in robot.as_dict()
     assert replace(paper, contact_s=0.2).digest() == paper.digest() != robot.digest()
     assert replace(paper, short_m=0.01).protocol == "robot"
+    assert replace(paper, goal_overlap_m=None).protocol == "paper"
+    assert "goal_overlap_m" in paper.as_dict() and "goal_overlap_m" not in robot.as_dict()
 
 
 @pytest.mark.ill_typed

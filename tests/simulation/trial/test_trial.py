@@ -94,6 +94,28 @@ def test_a_hand_that_starts_in_the_object_or_the_table_is_blocked(gripper: str) 
         assert math.isnan(outcome.offset_m)
 
 
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_a_hand_that_would_end_its_approach_in_the_object_is_blocked_beyond_the_limit(
+    gripper: str,
+) -> None:
+    free, grasp = setup(gripper, cylinder())
+    limited, _ = setup(gripper, cylinder(), goal_overlap_m=0.003)
+    looser, _ = setup(gripper, cylinder(), goal_overlap_m=0.006)
+
+    def first_blocked_mm(runner: TrialRunner) -> int:
+        errors = ((depth, moved(z=-1e-3 * depth)) for depth in range(80))
+        return next(mm for mm, e in errors if runner.run(e, grasp).reason == "blocked")
+
+    first = first_blocked_mm(limited)
+    assert first_blocked_mm(looser) - first in (3, 4)
+    outcome = limited.run(moved(z=-1e-3 * first), grasp)
+    assert (outcome.success, outcome.steps) == (False, 0)
+    for error in (moved(), moved(z=-1e-3 * (first - 1))):
+        assert timeless(limited.run(error, grasp)) == timeless(free.run(error, grasp))
+    # The table does not count: it is as hard for a hand that is far from the object.
+    assert limited.run(moved(x=0.5, z=-0.1), grasp).reason != "blocked"
+
+
 def test_where_the_table_does_not_stop_the_hand_it_does_not_block_it() -> None:
     runner, grasp = setup("parallel", box(), hand_touches_table=False)
     outcome = runner.run(moved(x=0.5, z=-0.6), grasp)

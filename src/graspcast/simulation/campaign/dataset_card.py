@@ -31,8 +31,8 @@ _MEANING = {
     ),
     "success": "whether the object stayed within the tolerance of its place in the hand",
     "reason": "`held` for a success; `dropped`, `slipped`, `missed`, `collided` (the arm stopped "
-    "on the approach), `blocked` (the open hand started in the object or the table), `unstable` "
-    "(the simulation diverged)",
+    "on the approach), `blocked` (the open hand started in the object or the table, or, by the "
+    "paper's protocol, would have ended in the object), `unstable` (the simulation diverged)",
     "offset_m": "metres: distance between the object's centroid in the hand's base frame after "
     "closing and after the lift, or when the trial was stopped early; NaN if blocked, collided or "
     "unstable",
@@ -164,7 +164,8 @@ def _settings(setups: Iterable[Mapping[str, Any]]) -> Iterable[str]:
             "Protocol: robot. A trial ends as `collided` when the hand meets something on the "
             "approach."
             if watched
-            else "Protocol: paper. The arm presses on, whatever the hand meets on the approach."
+            else "Protocol: paper. A trial is blocked if the open hand would end its approach in "
+            "the object; otherwise the arm presses on, whatever the hand meets."
         )
         yield ""
         yield table(["setting", "value"], ([f"`{k}`", v] for k, v in settings.items()))

@@ -21,6 +21,7 @@ from graspcast.pose.transforms import quaternion, rotation_from_quaternion, tran
 from graspcast.simulation.objects.load import with_physics
 from graspcast.simulation.objects.plausibility import check_density, check_grasp_is_near
 from graspcast.simulation.objects.types import Grasp, GraspObject
+from graspcast.simulation.trial.settings import Protocol
 
 __all__ = ["GraspTable", "ReferenceGrasp", "grasps_in", "read_grasps", "write_grasps"]
 
@@ -195,8 +196,13 @@ class GraspTable:
 
 
 @checked(path=PATH)
-def read_grasps(path: str | PathLike[str] | None = None) -> GraspTable:
+def read_grasps(
+    path: str | PathLike[str] | None = None, *, protocol: Protocol = "robot"
+) -> GraspTable:
     """Read the built-in grasps and those of a file, which take precedence.
+
+    By the paper's protocol the built-in grasps are those that reproduce the published outcomes.
+    They are no grasps for a robot: some drop a perfect estimate, as the published outcomes say.
 
     Where the file has grasps of an object by a gripper, the built-in one does not count. A file has
     one entry per grasp::
@@ -218,8 +224,10 @@ def read_grasps(path: str | PathLike[str] | None = None) -> GraspTable:
     FormatError
         If the file is not valid; the message names the entry and the key.
     """
-    built_in = Path(str(files("graspcast.simulation.grasps") / "grasps.toml"))
-    table = GraspTable(grasps_in(built_in))
+    folder = files("graspcast.simulation.grasps")
+    table = GraspTable(grasps_in(str(folder / "grasps.toml")))
+    if protocol == "paper":
+        table = table.updated(grasps_in(str(folder / "paper_grasps.toml")))
     return table if path is None else table.updated(grasps_in(path))
 
 

@@ -24,11 +24,12 @@ class Outcome:
         Whether the object stayed within the tolerance of its place in the hand.
     reason
         ``held`` for a success. Failures: ``blocked``, the open hand would start in the object or
-        the table; ``collided``, the arm stopped on the approach, because the hand pressed against
-        something or did not reach its goal; ``missed``, fewer than two parts of the closed hand
-        touched the object, and none does at the end; ``dropped``, at least two did, but none at the
-        end; ``slipped``, the hand touches the object at the end, but it has moved too far;
-        ``unstable``, the simulation diverged.
+        the table, or, by the paper's protocol, end its approach in the object; ``collided``, the
+        arm stopped on the approach, because the hand pressed against something or did not reach its
+        goal; ``missed``, fewer than two parts of the closed hand touched the object, and none does
+        at the end; ``dropped``, at least two did, but none at the end; ``slipped``, the hand
+        touches the object at the end, but it has moved too far; ``unstable``, the simulation
+        diverged.
     offset_m
         Distance between the object's centroid in the hand's base frame after closing and after the
         lift, metres. After early stopping: the distance at that time if the object is in the hand,

@@ -141,12 +141,16 @@ class Scene:
         """Return whether the hand touches anything."""
         return HAND in self.kind[self.data.contact.geom]
 
-    def hand_overlap_m(self) -> float:
+    def hand_overlap_m(self, *, with_table: bool = True) -> float:
         """Return the penetration of the hand into object or table, metres; -inf without contact."""
         contact = self.data.contact
         if not self.data.ncon:
             return -np.inf
-        depths: ndarray = -contact.dist[(self.kind[contact.geom] == HAND).any(axis=1)]
+        kinds = self.kind[contact.geom]
+        chosen = (kinds == HAND).any(axis=1)
+        if not with_table:
+            chosen &= (kinds == OBJECT).any(axis=1)
+        depths: ndarray = -contact.dist[chosen]
         return float(depths.max()) if len(depths) else -np.inf
 
     def contacts(self) -> Contacts:

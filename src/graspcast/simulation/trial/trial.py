@@ -191,6 +191,8 @@ class _Trial:
         self._call_record()
         if scene.hand_overlap_m() > settings.overlap_m:
             return False, "blocked", math.nan
+        if self._overlaps_at_goal():
+            return False, "blocked", math.nan
         end = sim_T_base[:3, 3]
         start = end - settings.standoff_m * sim_T_base[:3, :3] @ self.gripper.base_T_tcp[:3, 2]
         watched = settings.protocol == "robot"
@@ -205,6 +207,16 @@ class _Trial:
             return False, "missed", settings.lift_height_m
         self._close()
         return self._lift()
+
+    def _overlaps_at_goal(self) -> bool:
+        """Return whether the open hand at its goal would be too deep in the resting object."""
+        limit, scene = self.settings.goal_overlap_m, self.scene
+        if limit is None:
+            return False
+        scene.move_hand(0.0)
+        found = scene.hand_overlap_m(with_table=False) > limit
+        scene.move_hand(-self.settings.standoff_m)
+        return found
 
     def _approach(self, monitor: CollisionMonitor | None) -> bool:
         """Move to the grasp, open-loop; simulate only the part where contact is possible.
