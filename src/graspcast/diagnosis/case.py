@@ -1,0 +1,287 @@
+"""Cases: the files of one dataset, read by the readers of every verb; refusals are findings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import polars as pl
+from jaxtyping import Float
+from numpy import ndarray
+
+from graspcast.bop.dataset import BopDataset, Camera, GroundTruth, read_ground_truth
+from graspcast.bop.detections import Detections, read_detections
+from graspcast.bop.images import find_images
+from graspcast.bop.models import Models
+from graspcast.bop.results import Results, read_results
+from graspcast.diagnosis.contradictions import repeated_in_one
+from graspcast.diagnosis.discovery import Found, method_of
+from graspcast.diagnosis.finding import Finding
+from graspcast.diagnosis.refusals import refusal
+from graspcast.errors import GraspcastError
+from graspcast.estimates.outcomes import read_outcomes
+from graspcast.views.camera_motion import CameraMotion
+from graspcast.views.camera_tables import read_camera_motion
+
+__all__ = ["Case", "Scenes", "cases_of", "read_case"]
+
+T = TypeVar("T")
+
+
+@dataclass(eq=False)
+class Scenes:
+    """A directory of scene folders.
+
+    Attributes
+    ----------
+    path
+        The directory.
+    dataset
+        The dataset, opened with this directory as its split.
+    truth
+        Its true poses, None without any, or refused.
+    images
+        Image files by scene and image.
+    motion
+        Its camera poses, None without any.
+    cameras_known
+        Whether the cameras could be read.
+    """
+
+    path: Path
+    dataset: BopDataset
+    truth: GroundTruth | None = None
+    images: dict[tuple[int, int], Path] = field(default_factory=dict)
+    motion: CameraMotion | None = None
+    cameras_known: bool = True
+
+    def camera(self, scene_id: int, im_id: int) -> Camera | None:
+        """Return the camera of an image, None if it is not known."""
+        if not self.cameras_known:
+            return None
+        return self._own.get((scene_id, im_id), self._common)
+
+    @cached_property
+    def _own(self) -> dict[tuple[int, int], Camera]:
+        given = any(self.path.glob("*/scene_camera.json"))
+        return self.dataset.scene_cameras if given else {}
+
+    @cached_property
+    def _common(self) -> Camera | None:
+        there = (self.dataset.root / "camera.json").is_file()
+        return self.dataset.camera if there else None
+
+
+@dataclass(eq=False)
+class Case:
+    """The files of one dataset.
+
+    Attributes
+    ----------
+    name
+        The dataset's name.
+    root
+        Its directory, None where there is none.
+    models
+        Its object models, None where there are none, or refused.
+    other_models
+        Further directories of models of the same objects.
+    scenes
+        Directories of scene folders.
+    results
+        Estimator's name to its estimates.
+    detections
+        Tables of detections.
+    outcomes
+        Outcome tables by path.
+    motions
+        Camera poses from tables.
+    findings
+        What the readers refused.
+    """
+
+    name: str
+    root: Path | None = None
+    models: Models | None = None
+    other_models: list[Models] = field(default_factory=list)
+    scenes: list[Scenes] = field(default_factory=list)
+    results: dict[str, Results] = field(default_factory=dict)
+    detections: list[Detections] = field(default_factory=list)
+    outcomes: dict[Path, pl.DataFrame] = field(default_factory=dict)
+    motions: list[CameraMotion] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+    blamed: set[str] = field(default_factory=set)
+
+    def attempt(
+        self,
+        kind: str,
+        path: str | PathLike[str],
+        read: Callable[..., T],
+        *arguments: Any,
+        blame: str = "",
+    ) -> T | None:
+        """Return what is read; a refusal becomes a finding, and None is returned.
+
+        Parameters
+        ----------
+        kind, path
+            What is read from where.
+        read, arguments
+            The reader, and what it is given.
+        blame
+            A source that the later checks leave out if it is refused.
+        """
+        try:
+            return read(*arguments)
+        except GraspcastError as error:
+            self.findings.append(refusal(error, kind, path))
+            self.blamed.add(blame)
+            return None
+
+    @property
+    def truths(self) -> list[Scenes]:
+        """The scene directories with true poses."""
+        return [s for s in self.scenes if s.truth is not None and len(s.truth)]
+
+    @property
+    def sound(self) -> dict[str, Results]:
+        """The estimates that no earlier check has found wrong as a whole."""
+        return {n: t for n, t in self.results.items() if n not in self.blamed and len(t)}
+
+    def symmetries(self, obj_id: int) -> Float[ndarray, "s 4 4"]:
+        """Return an object's stated symmetries, the identity alone for one without a model."""
+        known = self.models is not None and obj_id in self.models.info
+        return self.models[obj_id].symmetries if known and self.models else np.eye(4)[None]
+
+    def diameter_m(self, obj_id: int) -> float:
+        """Return an object's diameter, NaN without a model."""
+        known = self.models is not None and obj_id in self.models.info
+        return self.models[obj_id].diameter_m if known and self.models else float("nan")
+
+
+def cases_of(found: Iterable[Found]) -> list[list[Found]]:
+    """Group what was found by dataset; what states none goes with the only one, or by itself."""
+    found = list(found)
+    groups: dict[str, list[Found]] = {}
+    stated = {f.dataset.casefold() for f in found if f.kind in ("root", "models", "scenes")} or {
+        f.dataset.casefold() for f in found if f.dataset
+    }
+    only = next(iter(stated)) if len(stated) == 1 else ""
+    for entry in found:
+        key = entry.dataset.casefold()
+        mine = key if key in stated else (only or key)
+        groups.setdefault(mine, []).append(entry)
+    return list(groups.values())
+
+
+def read_case(entries: list[Found]) -> Case:
+    """Read the files of one dataset."""
+    named = [e.dataset for e in entries if e.kind in ("root", "models", "scenes")]
+    case = Case((named or [e.dataset for e in entries])[0] or "unnamed")
+    of = {
+        kind: [e for e in entries if e.kind == kind]
+        for kind in (
+            "root",
+            "models",
+            "scenes",
+            "results",
+            "detections",
+            "outcomes",
+            "camera-poses",
+        )
+    }
+    roots = [e.path for e in of["root"]]
+    beside = [e.path.parent for e in (*of["models"], *of["scenes"])]
+    case.root = next(iter([*roots, *beside]), None)
+    _read_models(case, [e.path for e in of["models"]])
+    for entry in of["scenes"]:
+        _read_scenes(case, entry.path)
+    for entry in of["results"]:
+        _read_results(case, entry)
+    for entry in of["detections"]:
+        _read_detections(case, entry.path)
+    for entry in of["camera-poses"]:
+        motion = case.attempt("camera-poses", entry.path, read_camera_motion, entry.path)
+        case.motions += [motion] if motion is not None else []
+    for entry in of["outcomes"]:
+        _read_outcomes(case, entry.path)
+    return case
+
+
+def _read_models(case: Case, paths: list[Path]) -> None:
+    """Read the directories of models; the one called ``models_eval`` is compared with first."""
+    for path in sorted(paths, key=lambda p: p.name != "models_eval"):
+        models = case.attempt("models", path, Models, path)
+        if models is None:
+            continue
+        sound = True
+        for obj_id in models.info:
+            if (path / f"obj_{obj_id:06d}.ply").is_file():
+                before = len(case.findings)
+                mesh = case.attempt("mesh", path, models.mesh, obj_id)
+                sound &= mesh is not None
+                if len(case.findings) > before + 1:
+                    break
+        if case.models is None and sound:
+            case.models = models
+        elif sound:
+            case.other_models.append(models)
+    case.findings = _merged(case.findings)
+
+
+def _merged(findings: list[Finding]) -> list[Finding]:
+    """Keep one finding of each code and directory; the others say the same of other objects."""
+    out: dict[tuple[str, str], Finding] = {}
+    for finding in findings:
+        key = finding.code, str(Path(finding.path).parent)
+        out.setdefault(key, finding)
+    return list(out.values())
+
+
+def _read_scenes(case: Case, path: Path) -> None:
+    own = case.root or path.parent
+    scenes = Scenes(path, BopDataset(own, ground_truth=path, name=case.name))
+    camera = own / "camera.json"
+    size = case.attempt("camera", camera, lambda: (scenes.dataset.image_size,))
+    if camera.is_file() and size is not None:
+        scenes.cameras_known = (
+            case.attempt("camera", camera, lambda: scenes.dataset.camera) is not None
+        )
+    if any(path.glob("*/scene_camera.json")) and scenes.cameras_known:
+        read = case.attempt("camera", path, lambda: scenes.dataset.scene_cameras)
+        scenes.cameras_known = read is not None
+    if any(path.glob("*/scene_gt.json")):
+        diameters = {i: m.diameter_m for i, m in case.models.info.items()} if case.models else {}
+        scenes.truth = case.attempt("truth", path, read_ground_truth, path, diameters)
+    if any(path.glob("*/rgb")):
+        scenes.images = case.attempt("images", path, find_images, path) or {}
+    if any("cam_R_w2c" in p.read_text() for p in sorted(path.glob("*/scene_camera.json"))[:3]):
+        scenes.motion = case.attempt("camera-poses", path, read_camera_motion, path)
+    case.scenes.append(scenes)
+
+
+def _read_results(case: Case, entry: Found) -> None:
+    name = entry.name or method_of(entry.path, list(case.results))
+    table = case.attempt("results", entry.path, read_results, entry.path)
+    if table is not None:
+        case.results[name] = table
+
+
+def _read_detections(case: Case, path: Path) -> None:
+    sized = next((s.dataset for s in case.scenes if s.images), None)
+    dataset = sized if sized is not None and case.models is not None else None
+    table = case.attempt("boxes", path, read_detections, path, dataset)
+    if table is not None:
+        case.detections.append(table)
+
+
+def _read_outcomes(case: Case, path: Path) -> None:
+    try:
+        case.outcomes[path] = read_outcomes(path)
+    except GraspcastError as error:
+        case.findings.append(repeated_in_one(path, error) or refusal(error, "outcomes", path))

@@ -1,0 +1,281 @@
+"""Model frames and symmetries: what explains that sources of poses disagree, object by object."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from itertools import permutations, product
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from graspcast.bop.results import Results
+from graspcast.diagnosis.case import Case
+from graspcast.diagnosis.finding import Finding
+from graspcast.diagnosis.offsets import Offset, find_offset, refit_shift
+from graspcast.diagnosis.pairs import TRUTH, Pair
+from graspcast.diagnosis.shapes import keeps_shape, surface_of
+from graspcast.errors import GraspcastError
+from graspcast.pose.lengths import shown
+from graspcast.pose.transforms import quaternion, rotation_angle, rotation_vector, transform
+
+__all__ = ["frame_findings", "symmetry_findings"]
+
+_LEAST = 8
+_FAR, _BETTER, _AGREEING = 0.12, 3.0, 0.5
+_VARIETY_RAD, _BETTER_ALIKE = np.radians(15.0), 8.0
+_FLIPPED_RAD, _FLIPPED, _TOGETHER = np.radians(40.0), 0.22, 0.6
+_UNKNOWN_RAD = np.radians(35.0)
+_SNAP_RAD, _SNAP = np.radians(7.0), 0.04
+
+
+def _of(pair: Pair, obj_id: int) -> tuple[ndarray, ndarray]:
+    mine = pair.obj_id == obj_id
+    return pair.poses[mine], pair.others[mine]
+
+
+def symmetry_findings(case: Case, pairs: Mapping[tuple[str, str], Pair]) -> Iterator[Finding]:
+    """Say at which turns estimators disagree that leave the shape as it is, though unstated."""
+    told: set[int] = set()
+    for pair in pairs.values():
+        if case.blamed & {pair.one, pair.other} or case.models is None:
+            continue
+        differences = pair.differences(case)
+        for obj_id in np.unique(pair.obj_id).tolist():
+            mine = pair.obj_id == obj_id
+            if obj_id in told or obj_id not in case.models.info or mine.sum() < _LEAST:
+                continue
+            found = _flipped(case, obj_id, differences[mine], pair)
+            if found is not None:
+                told.add(obj_id)
+                yield found
+
+
+def _flipped(
+    case: Case, obj_id: int, differences: Float[ndarray, "n 4 4"], pair: Pair
+) -> Finding | None:
+    """Say that many turns between two sources are one turn, or are all about one axis."""
+    angle = rotation_angle(differences[:, :3, :3])
+    large = angle > _FLIPPED_RAD
+    if large.mean() < _FLIPPED or large.sum() < 4:
+        return None
+    turns = rotation_vector(differences[large, :3, :3])
+    axes = turns / np.linalg.norm(turns, axis=1)[:, None]
+    weights, directions = np.linalg.eigh(axes.T @ axes / len(axes))
+    if weights[-1] < 0.8:
+        return None
+    axis = directions[:, -1]
+    around = np.degrees(np.abs(turns @ axis))
+    common = float(np.median(around))
+    together = float((np.abs(around - common) < 15).mean())
+    surface = surface_of(case.models, obj_id) if case.models is not None else None
+    if surface is None:
+        return None
+    tried = [common] if together > _TOGETHER else [55.0, 97.0, 139.0]
+    if not all(
+        keeps_shape(case.models, obj_id, _about(surface.centroid, axis, np.radians(a)))
+        for a in tried
+    ):
+        return None
+    words = f"at {common:.0f}°" if together > _TOGETHER else f"at {min(around):.0f}° to 180°"
+    along = ", ".join(f"{x:.2f}" for x in axis * np.sign(axis[np.argmax(np.abs(axis))]))
+    directory = case.models.directory if case.models is not None else ""
+    return Finding(
+        "error",
+        "symmetry-unstated",
+        f"{directory}/models_info.json",
+        f"object {obj_id}: {pair.one} and {pair.other} disagree by more than "
+        f"{np.degrees(_FLIPPED_RAD):.0f}° in {int(large.sum())} of {len(angle)} images, {words} "
+        f"about the axis ({along}), which leaves the mesh as it is; no such symmetry is stated",
+        "State the symmetry in models_info.json",
+        {"object": obj_id, "share": float(large.mean()), "turn_deg": common, "axis": axis.tolist()},
+    )
+
+
+def _about(point: ndarray, axis: ndarray, angle: float) -> Float[ndarray, "4 4"]:
+    from graspcast.pose.transforms import rotation_from_vector
+
+    R = rotation_from_vector(axis * angle)
+    return transform(R, point - R @ point)
+
+
+def frame_findings(
+    case: Case, sources: Mapping[str, Results], pairs: Mapping[tuple[str, str], Pair]
+) -> Iterator[Finding]:
+    """Say whose poses differ from others' by a constant transform of the object's frame."""
+    offsets: dict[int, dict[tuple[str, str], Offset]] = {}
+    for key, pair in pairs.items():
+        if case.blamed & set(key):
+            continue
+        for obj_id in np.unique(pair.obj_id).tolist():
+            poses, others = _of(pair, obj_id)
+            if len(poses) < _LEAST:
+                continue
+            size = case.diameter_m(obj_id)
+            size = size if np.isfinite(size) else 0.15
+            offset = find_offset(poses, others, case.symmetries(obj_id), size)
+            if _explains(offset, poses, size) and not _symmetric(case, obj_id, offset):
+                offsets.setdefault(obj_id, {})[key] = offset
+    odd = {obj_id: _odd_one(found, list(sources)) for obj_id, found in offsets.items()}
+    for name in dict.fromkeys(odd.values()):
+        objects = [obj_id for obj_id, who in odd.items() if who == name]
+        yield _frame_finding(case, sources, pairs, offsets, name, objects)
+
+
+def _symmetric(case: Case, obj_id: int, offset: Offset) -> bool:
+    """Return whether the transform may be a symmetry; without a model every large turn may."""
+    if case.models is None or obj_id not in case.models.info:
+        return offset.turn_rad > _UNKNOWN_RAD
+    return keeps_shape(case.models, obj_id, offset.one_T_other)
+
+
+def _explains(offset: Offset, poses: ndarray, diameter_m: float) -> bool:
+    """Return whether a transform explains most of a disagreement that is large."""
+    views = quaternion(poses[:, :3, :3])
+    mean = np.linalg.eigh(views.T @ views)[1][:, -1]
+    alike = 2 * np.median(np.arccos(np.clip(np.abs(views @ mean), 0, 1))) < _VARIETY_RAD
+    better = _BETTER_ALIKE if alike else _BETTER
+    moved = offset.shift_m > 0.06 * diameter_m or offset.turn_rad > np.radians(12)
+    return (
+        offset.before > _FAR
+        and offset.before > better * offset.after
+        and offset.agreeing > _AGREEING
+        and moved
+    )
+
+
+def _odd_one(found: Mapping[tuple[str, str], Offset], order: list[str]) -> str:
+    times = Counter(name for pair in found for name in pair)
+    return max(times, key=lambda n: (times[n], n != TRUTH, order.index(n)))
+
+
+def _frame_finding(
+    case: Case,
+    sources: Mapping[str, Results],
+    pairs: Mapping[tuple[str, str], Pair],
+    offsets: Mapping[int, Mapping[tuple[str, str], Offset]],
+    odd: str,
+    objects: list[int],
+) -> Finding:
+    """Word the finding of the source whose frame differs, with the repairs of all its objects."""
+    repairs: dict[int, ndarray] = {}
+    numbers: dict[str, object] = {}
+    parts = []
+    for obj_id in objects:
+        repair, offset, exact = _repair(case, pairs, offsets[obj_id], odd, obj_id)
+        repairs[obj_id] = repair
+        shift, turn = float(np.linalg.norm(repair[:3, 3])), rotation_angle(repair[:3, :3])
+        parts.append(f"{obj_id} by {shown(shift)} and {np.degrees(turn):.1f}°")
+        numbers[str(obj_id)] = {
+            "offset_mm": (1000 * repair[:3, 3]).tolist(),
+            "turn_deg": np.degrees(rotation_vector(repair[:3, :3])).tolist(),
+            "instances": offset.instances,
+            "apart": offset.before,
+            "apart_after": offset.after,
+            "error_mm": 1000 * offset.error_m,
+            "error_deg": float(np.degrees(offset.error_rad)),
+            "exact": exact,
+        }
+    against = sorted({n for i in objects for pair in offsets[i] for n in pair} - {odd})
+    best = offsets[objects[0]][next(iter(offsets[objects[0]]))]
+    who = "all estimators" if odd == TRUTH and len(against) > 1 else odd
+    other = "ground truth" if odd == TRUTH else " and ".join(against)
+    if odd == TRUTH and len(against) == 1:
+        who = against[0]
+    verb = "differ" if who == "all estimators" else "differs"
+    return Finding(
+        "error",
+        "other-model-frame",
+        sources[odd].source,
+        f"{who} {verb} from {other} by a constant transform of the object's frame, object "
+        f"{'; '.join(parts)}: the median distance of {best.instances} poses is "
+        f"{best.before:.2f} diameters, and {best.after:.2f} without it",
+        "The models have other frames: apply the repair on the object's side of the estimates, "
+        "cam_T_est @ repair, or use the models that the estimator used",
+        numbers,
+        repairs,
+        "" if odd == TRUTH else odd,
+    )
+
+
+def _repair(
+    case: Case,
+    pairs: Mapping[tuple[str, str], Pair],
+    found: Mapping[tuple[str, str], Offset],
+    odd: str,
+    obj_id: int,
+) -> tuple[Float[ndarray, "4 4"], Offset, bool]:
+    """Return the repair of estimates, from all pairs in which the odd one takes part."""
+    poses, others = [], []
+    for key in found:
+        if odd not in key:
+            continue
+        pair = pairs[key] if key[0] == odd else pairs[key].swapped()
+        mine, theirs = _of(pair, obj_id)
+        # Where ground truth is the odd one, the estimates are repaired all the same.
+        poses.append(theirs if odd == TRUTH else mine)
+        others.append(mine if odd == TRUTH else theirs)
+    a, b = np.concatenate(poses), np.concatenate(others)
+    size = case.diameter_m(obj_id)
+    size = size if np.isfinite(size) else 0.15
+    offset = find_offset(a, b, case.symmetries(obj_id), size)
+    snapped, exact = _snapped(case, obj_id, a, b, offset, size)
+    return snapped, offset, exact
+
+
+def _snapped(
+    case: Case, obj_id: int, poses: ndarray, others: ndarray, offset: Offset, size: float
+) -> tuple[Float[ndarray, "4 4"], bool]:
+    """Replace a transform by the exact one of usual frames that is within its uncertainty.
+
+    Usual frames have axes along the model's, and their origin at the model's, at the middle of its
+    bounding box or of one of its sides, at the mean of its vertices or of its surface.
+    """
+    R = offset.one_T_other[:3, :3]
+    near = min(_AXES, key=lambda Q: float(rotation_angle(Q.T @ R)))
+    if rotation_angle(near.T @ R) > _SNAP_RAD:
+        return offset.one_T_other, False
+    shift = refit_shift(poses, others, case.symmetries(obj_id), near)
+    best, apart = None, _SNAP * size
+    for origin in _origins(case, obj_id):
+        candidate = -near @ origin
+        off = float(np.linalg.norm(candidate - shift))
+        if off < apart:
+            best, apart = candidate, off
+    if best is None:
+        return transform(near, shift), False
+    return transform(near, best), True
+
+
+def _proper_axes() -> list[ndarray]:
+    out = []
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            Q = np.zeros((3, 3))
+            Q[range(3), order] = signs
+            if np.linalg.det(Q) > 0:
+                out.append(Q)
+    return out
+
+
+_AXES = _proper_axes()
+
+
+def _origins(case: Case, obj_id: int) -> list[Float[ndarray, "3"]]:
+    if case.models is None or obj_id not in case.models.info:
+        return [np.zeros(3)]
+    info = case.models[obj_id]
+    middle = info.lower + info.size / 2
+    out = [np.zeros(3), middle]
+    for axis in range(3):
+        for side in (-0.5, 0.5):
+            moved = middle.copy()
+            moved[axis] += side * info.size[axis]
+            out.append(moved)
+    try:
+        out.append(case.models.mesh(obj_id).vertices.mean(axis=0))
+    except GraspcastError:
+        return out
+    surface = surface_of(case.models, obj_id)
+    return [*out, surface.centroid] if surface is not None else out
