@@ -19,18 +19,23 @@ from graspcast.bop.detections import Detections, read_detections
 from graspcast.bop.images import find_images
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results, read_results
+from graspcast.bop.unit_checks import models_problem
+from graspcast.bop.units import metres
 from graspcast.diagnosis.contradictions import repeated_in_one
 from graspcast.diagnosis.discovery import Found, method_of
 from graspcast.diagnosis.finding import Finding
 from graspcast.diagnosis.refusals import refusal
-from graspcast.errors import GraspcastError
+from graspcast.errors import FormatError, GraspcastError
 from graspcast.estimates.outcomes import read_outcomes
+from graspcast.io.json import read_json
 from graspcast.views.camera_motion import CameraMotion
 from graspcast.views.camera_tables import read_camera_motion
 
 __all__ = ["Case", "Scenes", "cases_of", "read_case"]
 
 T = TypeVar("T")
+
+_OF_ROWS, _LEAST_ROWS = ("poses-behind", "rows-repeated", "results-unreadable", "no-rotation"), 20
 
 
 @dataclass(eq=False)
@@ -103,6 +108,11 @@ class Case:
         Camera poses from tables.
     findings
         What the readers refused.
+    doubts
+        Refusals of single rows, by estimator or file: the other rows may show what is wrong with
+        all of them.
+    blamed
+        Estimators, and ground truth, that were found wrong as a whole.
     """
 
     name: str
@@ -115,6 +125,7 @@ class Case:
     outcomes: dict[Path, pl.DataFrame] = field(default_factory=dict)
     motions: list[CameraMotion] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
+    doubts: dict[str, Finding] = field(default_factory=dict)
     blamed: set[str] = field(default_factory=set)
 
     def attempt(
@@ -216,7 +227,8 @@ def read_case(entries: list[Found]) -> Case:
 def _read_models(case: Case, paths: list[Path]) -> None:
     """Read the directories of models; the one called ``models_eval`` is compared with first."""
     for path in sorted(paths, key=lambda p: p.name != "models_eval"):
-        models = case.attempt("models", path, Models, path)
+        scaled = case.attempt("models", path, _check_scale, path / "models_info.json")
+        models = case.attempt("models", path, Models, path) if scaled is not None else None
         if models is None:
             continue
         sound = True
@@ -232,6 +244,15 @@ def _read_models(case: Case, paths: list[Path]) -> None:
         elif sound:
             case.other_models.append(models)
     case.findings = _merged(case.findings)
+
+
+def _check_scale(path: Path) -> bool:
+    """Raise if the diameters are not in millimetres; all else that is read depends on them."""
+    listed = [e.get("diameter") for e in read_json(path, dict).values() if isinstance(e, dict)]
+    known = np.array([x for x in listed if isinstance(x, int | float) and x > 0], dtype=float)
+    if len(known) and (problem := models_problem(metres(known))):
+        raise FormatError(path, problem)
+    return True
 
 
 def _merged(findings: list[Finding]) -> list[Finding]:
@@ -267,17 +288,44 @@ def _read_scenes(case: Case, path: Path) -> None:
 
 def _read_results(case: Case, entry: Found) -> None:
     name = entry.name or method_of(entry.path, list(case.results))
-    table = case.attempt("results", entry.path, read_results, entry.path)
-    if table is not None:
-        case.results[name] = table
+    try:
+        case.results[name] = read_results(entry.path)
+    except GraspcastError as error:
+        found = refusal(error, "results", entry.path)
+        if found.code in _OF_ROWS:
+            rest = _rest(entry.path)
+            if rest is not None:
+                case.results[name], case.doubts[name] = rest, found
+                return
+        case.findings.append(found)
+
+
+def _rest(path: Path) -> Results | None:
+    """Return the rows that can be read, if they are enough to be compared."""
+    try:
+        rest = read_results(path, lenient=True)
+    except GraspcastError:
+        return None
+    return rest if len(rest) >= _LEAST_ROWS else None
 
 
 def _read_detections(case: Case, path: Path) -> None:
     sized = next((s.dataset for s in case.scenes if s.images), None)
     dataset = sized if sized is not None and case.models is not None else None
-    table = case.attempt("boxes", path, read_detections, path, dataset)
-    if table is not None:
-        case.detections.append(table)
+    try:
+        case.detections.append(read_detections(path, dataset))
+    except GraspcastError as error:
+        found = refusal(error, "boxes", path)
+        if found.code != "boxes-unreadable":
+            case.findings.append(found)
+            return
+        try:
+            rest = read_detections(path, lenient=True)
+        except GraspcastError:
+            case.findings.append(found)
+            return
+        case.detections.append(rest)
+        case.doubts[str(path)] = found
 
 
 def _read_outcomes(case: Case, path: Path) -> None:

@@ -86,6 +86,8 @@ def diagnose(
     for group in cases_of(found):
         case = read_case(group)
         later = list(_of_case(case))
+        explained = case.blamed | {f.path for f in later if f.severity == "error"}
+        out += [found for of, found in case.doubts.items() if of not in explained]
         # What readers refused comes first: much else follows from it.
         out += [*case.findings, *later]
         tables |= case.outcomes

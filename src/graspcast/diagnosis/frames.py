@@ -18,14 +18,22 @@ from graspcast.diagnosis.pairs import TRUTH, Pair
 from graspcast.diagnosis.shapes import keeps_shape, surface_of
 from graspcast.errors import GraspcastError
 from graspcast.pose.lengths import shown
-from graspcast.pose.transforms import quaternion, rotation_angle, rotation_vector, transform
+from graspcast.pose.transforms import (
+    quaternion,
+    rotation_angle,
+    rotation_from_vector,
+    rotation_vector,
+    transform,
+)
 
 __all__ = ["frame_findings", "symmetry_findings"]
 
 _LEAST = 8
-_FAR, _BETTER, _AGREEING = 0.12, 3.0, 0.5
+_FAR, _BETTER, _LIKELY, _AGREEING = 0.12, 3.0, 1.8, 0.5
 _VARIETY_RAD, _BETTER_ALIKE = np.radians(15.0), 8.0
-_FLIPPED_RAD, _FLIPPED, _TOGETHER = np.radians(40.0), 0.22, 0.6
+_FLIPPED_RAD, _SAME_RAD = np.radians(40.0), np.radians(15.0)
+_FLIPPED, _SPUN, _ONE_AXIS = 0.2, 0.3, 0.8
+_ANGLES_RAD = np.radians([55.0, 97.0, 139.0])
 _UNKNOWN_RAD = np.radians(35.0)
 _SNAP_RAD, _SNAP = np.radians(7.0), 0.04
 
@@ -56,47 +64,46 @@ def _flipped(
     case: Case, obj_id: int, differences: Float[ndarray, "n 4 4"], pair: Pair
 ) -> Finding | None:
     """Say that many turns between two sources are one turn, or are all about one axis."""
+    surface = surface_of(case.models, obj_id) if case.models is not None else None
     angle = rotation_angle(differences[:, :3, :3])
     large = angle > _FLIPPED_RAD
-    if large.mean() < _FLIPPED or large.sum() < 4:
+    if surface is None or case.models is None or large.mean() < _FLIPPED or large.sum() < 4:
         return None
-    turns = rotation_vector(differences[large, :3, :3])
-    axes = turns / np.linalg.norm(turns, axis=1)[:, None]
+    turns = differences[large, :3, :3]
+    # The turn that most others are near to, or else a common axis.
+    apart = rotation_angle(np.swapaxes(turns, 1, 2)[:, None] @ turns[None])
+    near = (apart < _SAME_RAD).sum(axis=1)
+    common = turns[int(near.argmax())]
+    vectors = rotation_vector(turns)
+    axes = vectors / np.linalg.norm(vectors, axis=1)[:, None]
     weights, directions = np.linalg.eigh(axes.T @ axes / len(axes))
-    if weights[-1] < 0.8:
+    if near.max() >= _FLIPPED * len(angle):
+        share, tried = near.max() / len(angle), [rotation_vector(common)]
+        words = f"at about {np.degrees(rotation_angle(common)):.0f}°"
+    elif weights[-1] > _ONE_AXIS and large.mean() >= _SPUN:
+        share = float(large.mean())
+        tried = [directions[:, -1] * a for a in _ANGLES_RAD]
+        words = f"at {np.degrees(angle[large].min()):.0f}° to {np.degrees(angle.max()):.0f}°"
+    else:
         return None
-    axis = directions[:, -1]
-    around = np.degrees(np.abs(turns @ axis))
-    common = float(np.median(around))
-    together = float((np.abs(around - common) < 15).mean())
-    surface = surface_of(case.models, obj_id) if case.models is not None else None
-    if surface is None:
+    if not all(keeps_shape(case.models, obj_id, _about(surface.centroid, v)) for v in tried):
         return None
-    tried = [common] if together > _TOGETHER else [55.0, 97.0, 139.0]
-    if not all(
-        keeps_shape(case.models, obj_id, _about(surface.centroid, axis, np.radians(a)))
-        for a in tried
-    ):
-        return None
-    words = f"at {common:.0f}°" if together > _TOGETHER else f"at {min(around):.0f}° to 180°"
+    axis = tried[0] / np.linalg.norm(tried[0])
     along = ", ".join(f"{x:.2f}" for x in axis * np.sign(axis[np.argmax(np.abs(axis))]))
-    directory = case.models.directory if case.models is not None else ""
     return Finding(
         "error",
         "symmetry-unstated",
-        f"{directory}/models_info.json",
-        f"object {obj_id}: {pair.one} and {pair.other} disagree by more than "
-        f"{np.degrees(_FLIPPED_RAD):.0f}° in {int(large.sum())} of {len(angle)} images, {words} "
-        f"about the axis ({along}), which leaves the mesh as it is; no such symmetry is stated",
+        f"{case.models.directory}/models_info.json",
+        f"object {obj_id}: {pair.one} and {pair.other} disagree in {share:.0%} of {len(angle)} "
+        f"images {words} about the axis ({along}), a turn that leaves the mesh as it is; no such "
+        "symmetry is stated",
         "State the symmetry in models_info.json",
-        {"object": obj_id, "share": float(large.mean()), "turn_deg": common, "axis": axis.tolist()},
+        {"object": obj_id, "share": float(share), "axis": axis.tolist()},
     )
 
 
-def _about(point: ndarray, axis: ndarray, angle: float) -> Float[ndarray, "4 4"]:
-    from graspcast.pose.transforms import rotation_from_vector
-
-    R = rotation_from_vector(axis * angle)
+def _about(point: ndarray, turn: ndarray) -> Float[ndarray, "4 4"]:
+    R = rotation_from_vector(turn)
     return transform(R, point - R @ point)
 
 
@@ -104,7 +111,8 @@ def frame_findings(
     case: Case, sources: Mapping[str, Results], pairs: Mapping[tuple[str, str], Pair]
 ) -> Iterator[Finding]:
     """Say whose poses differ from others' by a constant transform of the object's frame."""
-    offsets: dict[int, dict[tuple[str, str], Offset]] = {}
+    clear: dict[int, dict[tuple[str, str], Offset]] = {}
+    likely: dict[int, dict[tuple[str, str], Offset]] = {}
     for key, pair in pairs.items():
         if case.blamed & set(key):
             continue
@@ -115,12 +123,29 @@ def frame_findings(
             size = case.diameter_m(obj_id)
             size = size if np.isfinite(size) else 0.15
             offset = find_offset(poses, others, case.symmetries(obj_id), size)
-            if _explains(offset, poses, size) and not _symmetric(case, obj_id, offset):
-                offsets.setdefault(obj_id, {})[key] = offset
-    odd = {obj_id: _odd_one(found, list(sources)) for obj_id, found in offsets.items()}
+            if not _explains(offset, poses, size, _LIKELY) or _symmetric(case, obj_id, offset):
+                continue
+            likely.setdefault(obj_id, {})[key] = offset
+            if _explains(offset, poses, size, _BETTER):
+                clear.setdefault(obj_id, {})[key] = offset
+    overall = Counter(name for found in clear.values() for pair in found for name in pair)
+    order = list(sources)
+    odd: dict[int, str] = {}
+    # What is clear of one object is believed of others where it is likely.
+    for obj_id, found in likely.items():
+        times = Counter(name for pair in clear.get(obj_id, found) for name in pair)
+        if obj_id in clear or any(overall[name] for name in times):
+            odd[obj_id] = max(
+                times, key=lambda n: (times[n], overall[n], n != TRUTH, order.index(n))
+            )
+    offsets = {
+        obj_id: {pair: o for pair, o in likely[obj_id].items() if who in pair}
+        for obj_id, who in odd.items()
+    }
     for name in dict.fromkeys(odd.values()):
-        objects = [obj_id for obj_id, who in odd.items() if who == name]
-        yield _frame_finding(case, sources, pairs, offsets, name, objects)
+        if overall[name]:
+            objects = [obj_id for obj_id, who in odd.items() if who == name]
+            yield _frame_finding(case, sources, pairs, offsets, name, objects)
 
 
 def _symmetric(case: Case, obj_id: int, offset: Offset) -> bool:
@@ -130,24 +155,18 @@ def _symmetric(case: Case, obj_id: int, offset: Offset) -> bool:
     return keeps_shape(case.models, obj_id, offset.one_T_other)
 
 
-def _explains(offset: Offset, poses: ndarray, diameter_m: float) -> bool:
+def _explains(offset: Offset, poses: ndarray, diameter_m: float, better: float) -> bool:
     """Return whether a transform explains most of a disagreement that is large."""
     views = quaternion(poses[:, :3, :3])
     mean = np.linalg.eigh(views.T @ views)[1][:, -1]
     alike = 2 * np.median(np.arccos(np.clip(np.abs(views @ mean), 0, 1))) < _VARIETY_RAD
-    better = _BETTER_ALIKE if alike else _BETTER
     moved = offset.shift_m > 0.06 * diameter_m or offset.turn_rad > np.radians(12)
     return (
         offset.before > _FAR
-        and offset.before > better * offset.after
+        and offset.before > (_BETTER_ALIKE if alike else better) * offset.after
         and offset.agreeing > _AGREEING
         and moved
     )
-
-
-def _odd_one(found: Mapping[tuple[str, str], Offset], order: list[str]) -> str:
-    times = Counter(name for pair in found for name in pair)
-    return max(times, key=lambda n: (times[n], n != TRUTH, order.index(n)))
 
 
 def _frame_finding(

@@ -101,7 +101,7 @@ def _alone(path: Path, table: pl.DataFrame) -> Iterator[Finding]:
 
 def _unmatched(case: Case, path: Path, table: pl.DataFrame) -> Iterator[Finding]:
     """Say that trials are of images that the estimates do not have."""
-    by_name = {name.casefold(): t for name, t in case.results.items()}
+    by_name = {name.casefold(): t for name, t in case.results.items() if name not in case.blamed}
     tried = table.filter(pl.col("dataset").str.to_lowercase() == case.name.casefold())
     known = [n for n in tried["estimator"].unique().sort().to_list() if n.casefold() in by_name]
     for name in known:
