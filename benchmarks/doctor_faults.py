@@ -27,6 +27,7 @@ import numpy as np
 
 from doctor_files import ESTIMATORS, Files, demo, published
 from doctor_injections import FAULTS, Fault
+from graspcast.bop.results import Results
 from graspcast.demo_data import demo_dataset
 from graspcast.diagnosis import shapes
 from graspcast.diagnosis.diagnose import diagnose
@@ -56,18 +57,19 @@ def base(data: Path, kind: str, rng: np.random.Generator, half: int) -> Files:
         files.results = {}
         files.outcomes = {}
     if what == "flipped":
-        flip(files, rng)
+        files.flipped = flipped(files, rng)
     if what == "other":
         other = published(data, "ycbv" if name == "lmo" else "lmo", rng, half)
         files.other = other.results["gdrnpp"]
     return files
 
 
-def flip(files: Files, rng: np.random.Generator) -> None:
+def flipped(files: Files, rng: np.random.Generator) -> tuple[str, Results]:
     """Turn half of an estimator's poses of a box by half a turn, as if it had no colours."""
     name = str(rng.choice(ESTIMATORS))
-    obj_id = 5 if 5 in files.meshes else 8
     results = files.results[name]
+    numbers = [i for i in (2, 5, 8, 9) if i in files.meshes]
+    obj_id = max(numbers, key=lambda i: (results.obj_id == i).sum())
     poses = results.cam_T_obj.copy()
     centre = shapes.surface_of(_models(files, obj_id), obj_id)
     assert centre is not None
@@ -76,7 +78,7 @@ def flip(files: Files, rng: np.random.Generator) -> None:
     turn[:3, :3], turn[:3, 3] = R, centre.centroid - R @ centre.centroid
     mine = (results.obj_id == obj_id) & (rng.random(len(results)) < 0.5)
     poses[mine] = poses[mine] @ turn
-    files.results[name] = replace(results, cam_T_obj=poses)
+    return name, replace(results, cam_T_obj=poses)
 
 
 @cache
@@ -209,7 +211,7 @@ def main() -> None:
             for draw in range(options.draws):
                 trials.append(trial(fault, draw, options))
                 if not trials[-1]["named"]:
-                    print(trials[-1]["fault"], trials[-1]["base"], draw, trials[-1]["findings"])
+                    print(trials[-1]["fault"], trials[-1]["base"], draw, trials[-1]["findings"], flush=True)
     print(report(trials))
     errors = sorted({code for t in trials for code in t["healthy"]})
     print(

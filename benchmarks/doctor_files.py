@@ -45,6 +45,7 @@ class Files:
     outcomes: dict[str, pl.DataFrame] = field(default_factory=dict)
     calibration: pl.DataFrame | None = None
     other: Results | None = None
+    flipped: tuple[str, Results] | None = None
     vertices: dict[int, tuple[ndarray, bool]] = field(default_factory=dict)
     """Vertices that replace a mesh's, and whether its faces are turned round."""
 

@@ -289,6 +289,9 @@ def _(files: Files, rng: np.random.Generator) -> None:
     """Symmetric objects as estimators see them: any of the equivalent poses, at random."""
     for entry in files.info.values():
         entry.pop("symmetries_discrete", None)
+    if files.flipped is not None:
+        name, table = files.flipped
+        files.results[name] = table
 
 
 @fault("a stated symmetry that the shape lacks", "any", "symmetry-contradicted")

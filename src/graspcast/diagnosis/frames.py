@@ -33,6 +33,8 @@ _FAR, _BETTER, _LIKELY, _AGREEING = 0.12, 3.0, 1.8, 0.5
 _VARIETY_RAD, _BETTER_ALIKE = np.radians(15.0), 8.0
 _FLIPPED_RAD, _SAME_RAD = np.radians(40.0), np.radians(15.0)
 _FLIPPED, _SPUN, _ONE_AXIS = 0.2, 0.3, 0.8
+_FOLDS_DEG, _FOLD_WITHIN_DEG, _SPREAD_DEG = np.array([90.0, 120.0, 180.0]), 12.0, 40.0
+_LEAST_SPUN = 15
 _ANGLES_RAD = np.radians([55.0, 97.0, 139.0])
 _UNKNOWN_RAD = np.radians(35.0)
 _SNAP_RAD, _SNAP = np.radians(7.0), 0.04
@@ -77,10 +79,13 @@ def _flipped(
     vectors = rotation_vector(turns)
     axes = vectors / np.linalg.norm(vectors, axis=1)[:, None]
     weights, directions = np.linalg.eigh(axes.T @ axes / len(axes))
-    if near.max() >= _FLIPPED * len(angle):
+    folds = np.abs(np.degrees(rotation_angle(common)) - _FOLDS_DEG)
+    around = np.degrees(np.abs(vectors @ directions[:, -1]))
+    spun = float(np.subtract(*np.quantile(around, [0.75, 0.25]))) > _SPREAD_DEG
+    if near.max() >= _FLIPPED * len(angle) and folds.min() < _FOLD_WITHIN_DEG:
         share, tried = near.max() / len(angle), [rotation_vector(common)]
         words = f"at about {np.degrees(rotation_angle(common)):.0f}°"
-    elif weights[-1] > _ONE_AXIS and large.mean() >= _SPUN:
+    elif spun and len(angle) >= _LEAST_SPUN and weights[-1] > _ONE_AXIS and large.mean() >= _SPUN:
         share = float(large.mean())
         tried = [directions[:, -1] * a for a in _ANGLES_RAD]
         words = f"at {np.degrees(angle[large].min()):.0f}° to {np.degrees(angle.max()):.0f}°"
