@@ -211,7 +211,13 @@ def main() -> None:
             for draw in range(options.draws):
                 trials.append(trial(fault, draw, options))
                 if not trials[-1]["named"]:
-                    print(trials[-1]["fault"], trials[-1]["base"], draw, trials[-1]["findings"], flush=True)
+                    print(
+                        trials[-1]["fault"],
+                        trials[-1]["base"],
+                        draw,
+                        trials[-1]["findings"],
+                        flush=True,
+                    )
     print(report(trials))
     errors = sorted({code for t in trials for code in t["healthy"]})
     print(
