@@ -17,7 +17,7 @@ import hashlib
 import json
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from functools import cache
@@ -25,15 +25,20 @@ from pathlib import Path
 
 import numpy as np
 
-from doctor_files import ESTIMATORS, Files, demo, published
-from doctor_injections import FAULTS, Fault
+from doctor_files import ESTIMATORS, OBJECTS, Files, demo, published
+from doctor_injections import FAULTS, Fault, direction
 from graspcast.bop.results import Results
 from graspcast.demo_data import demo_dataset
 from graspcast.diagnosis import shapes
+from graspcast.diagnosis.case import Case, cases_of, read_case
 from graspcast.diagnosis.diagnose import diagnose
+from graspcast.diagnosis.discovery import discover
 from graspcast.diagnosis.finding import SEVERITIES, Finding
+from graspcast.diagnosis.offsets import find_offset
+from graspcast.diagnosis.pairs import TRUTH, Pair, pairs_of, sources_of
 from graspcast.io.markdown import table
-from graspcast.pose.transforms import invert, rotation_angle, rotation_from_vector
+from graspcast.pose.metrics import nearest_symmetric
+from graspcast.pose.transforms import invert, rotation_angle, rotation_from_vector, transform
 
 BASES = {
     "any": ("lmo", "ycbv"),
@@ -194,6 +199,87 @@ def healthy(data: Path) -> list[list[str]]:
     return rows
 
 
+def accuracies(trials: Sequence[dict]) -> list[list[str]]:
+    """Return how exact the printed transforms are, by kind of fault: medians and 90 % of objects."""
+    rows = []
+    for fault in FAULTS:
+        mine = [r for t in trials if t["fault"] == fault.name for r in t["repairs"]]
+        if mine:
+            rows.append([fault.name, *_quantiles(np.array(mine, dtype=float)[:, 1:3])])
+    return rows
+
+
+def _quantiles(errors: np.ndarray) -> list[str]:
+    mm, deg = np.quantile(errors, [0.5, 0.9], axis=0).T
+    return [str(len(errors)), *(f"{x:.2f}" for x in (*mm, *deg))]
+
+
+def unbiased(data: Path, half: int, seed: int) -> list[list[str]]:
+    """Measure transforms from 30 images and three estimators, as published and without bias.
+
+    Bias is the constant transform between an estimator and ground truth over all images of an
+    object; no file of 30 images can tell it from another model frame.
+    """
+    rows = []
+    for name in ("lmo", "ycbv"):
+        files = [data / "published" / name, _of_name(data, name)]
+        (group,) = cases_of(discover(files)[0])
+        case = read_case(group)
+        sources, _ = sources_of(case)
+        pairs = pairs_of(sources, case.name)
+        for remove in (False, True):
+            errors = [
+                e
+                for obj_id in OBJECTS[name][half]
+                for draw in range(5)
+                for e in _of_object(case, pairs, obj_id, remove, [seed, draw, obj_id])
+            ]
+            words = "without bias" if remove else "as published"
+            rows.append([f"{name}, {words}", *_quantiles(np.array(errors))])
+    return rows
+
+
+def _of_name(data: Path, name: str) -> Path:
+    return data / "bop" / name / ("models_eval" if name == "lmo" else "models")
+
+
+def _of_object(
+    case: Case, pairs: Mapping[tuple[str, str], Pair], obj_id: int, remove: bool, seed: list[int]
+) -> list[tuple[float, float]]:
+    rng = np.random.default_rng(seed)
+    D = transform(
+        rotation_from_vector(direction(rng) * rng.uniform(0.4, 2.0)),
+        direction(rng) * rng.uniform(0.02, 0.1),
+    )
+    poses, others = [], []
+    shared: list[tuple[int, int]] = []
+    for estimator in ESTIMATORS:
+        pair = pairs[estimator, TRUTH]
+        mine = pair.obj_id == obj_id
+        est, true = pair.poses[mine], pair.others[mine]
+        images = list(map(tuple, pair.images[mine].tolist()))
+        if not shared:
+            picked = rng.choice(len(images), min(30, len(images)), replace=False)
+            shared = [images[i] for i in picked.tolist()]
+        if remove:
+            size = case.diameter_m(obj_id)
+            est = est @ find_offset(est, true, case.symmetries(obj_id), size).one_T_other
+        rows = [i for i, image in enumerate(images) if image in shared]
+        poses.append(est[rows] @ invert(D))
+        others.append(true[rows])
+    found = find_offset(
+        np.concatenate(poses),
+        np.concatenate(others),
+        case.symmetries(obj_id),
+        case.diameter_m(obj_id),
+    )
+    apart = nearest_symmetric(
+        (invert(D) @ found.one_T_other)[None], invert(case.symmetries(obj_id))
+    )[0]
+    turn = float(np.degrees(rotation_angle(apart[:3, :3])))
+    return [(1000 * float(np.linalg.norm(apart[:3, 3])), turn)]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, required=True)
@@ -202,6 +288,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="a part of the faults' names")
     parser.add_argument("--healthy", action="store_true", help="count findings on whole data too")
+    parser.add_argument("--repairs", action="store_true", help="measure transforms without bias")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     quick_symmetries()
@@ -228,8 +315,17 @@ def main() -> None:
     if rows:
         head = ["data", *(f"{s}s" for s in SEVERITIES), "most of one file", "seconds"]
         print(table(head, rows))
+    head = ["", "objects", "mm, median", "mm, 90 %", "degrees, median", "degrees, 90 %"]
+    exact = accuracies(trials)
+    if exact:
+        print(table(head, exact))
+    bias = unbiased(options.data, options.half, options.seed) if options.repairs else []
+    if bias:
+        print(table(head, bias))
     if options.json:
-        options.json.write_text(json.dumps({"trials": trials, "healthy": rows}, indent=1))
+        options.json.write_text(
+            json.dumps({"trials": trials, "healthy": rows, "bias": bias}, indent=1)
+        )
 
 
 if __name__ == "__main__":

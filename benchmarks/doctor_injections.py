@@ -428,11 +428,16 @@ def _(files: Files, rng: np.random.Generator) -> None:
 
 @fault("poses of images that come twice", "any", "poses-repeated")
 def _(files: Files, rng: np.random.Generator) -> None:
-    """The estimates of five images stand under the numbers of five others too."""
+    """The estimates of a scene's first images stand under the numbers of its last ones too."""
     for name, table in files.results.items():
-        images = np.unique(np.stack([table.scene_id, table.im_id]), axis=1).T
         poses = table.cam_T_obj.copy()
-        for (s, i), (z, j) in zip(images[:5].tolist(), images[-5:].tolist(), strict=True):
+        images = [
+            ((scene, a), (scene, b))
+            for scene in np.unique(table.scene_id).tolist()
+            for of in [np.unique(table.im_id[table.scene_id == scene]).tolist()]
+            for a, b in zip(of[: len(of) // 3], of[::-1], strict=False)
+        ]
+        for (s, i), (z, j) in images:
             rows = np.flatnonzero((table.scene_id == s) & (table.im_id == i))
             others = np.flatnonzero((table.scene_id == z) & (table.im_id == j))
             for row in others:

@@ -25,7 +25,7 @@ __all__ = ["belonging", "conventions", "copies", "refined_copies", "renumbered"]
 
 _COPIED = 0.3
 _NEAR, _SELDOM, _MOSTLY = 0.06, 0.35, 0.6
-_REFINED, _LEAST_REFINED = 0.75, 40
+_REFINED, _LEAST_REFINED = 0.75, 25
 """Third quartile of the difference by the larger error; of published estimators 1.0 or more."""
 
 

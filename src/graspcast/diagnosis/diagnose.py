@@ -26,6 +26,7 @@ from graspcast.diagnosis.motions import motion_findings
 from graspcast.diagnosis.pairs import pairs_of, sources_of
 from graspcast.diagnosis.scores import repeated_poses, score_findings
 from graspcast.diagnosis.shapes import shape_findings
+from graspcast.diagnosis.single_changes import single_changes
 from graspcast.diagnosis.trials import outcome_findings, shared_scenes
 
 __all__ = ["diagnose"]
@@ -112,6 +113,7 @@ def _of_case(case: Case) -> Iterator[Finding]:
     pairs = pairs_of({n: t for n, t in sources.items() if n not in case.blamed}, case.name)
     yield from copies(case, pairs)
     yield from conventions(case, sources, pairs)
+    yield from single_changes(case, sources, pairs)
     yield from symmetry_findings(case, pairs)
     yield from frame_findings(case, sources, pairs)
     yield from refined_copies(case, pairs)

@@ -17,7 +17,7 @@ from graspcast.estimates.alignment import align
 from graspcast.pose.metrics import nearest_symmetric
 from graspcast.pose.transforms import compose, invert, rotation_angle
 
-__all__ = ["TRUTH", "Pair", "pairs_of", "sources_of"]
+__all__ = ["TRUTH", "Pair", "as_results", "pairs_of", "sources_of"]
 
 TRUTH = "ground truth"
 """The name of ground truth among sources of poses."""
@@ -98,11 +98,12 @@ def sources_of(case: Case) -> tuple[dict[str, Results], Scenes | None]:
         if len(known & images) > most:
             best, most = scenes, len(known & images)
     if best is not None and best.truth is not None:
-        out[TRUTH] = _as_results(best.truth)
+        out[TRUTH] = as_results(best.truth)
     return out, best
 
 
-def _as_results(truth: GroundTruth) -> Results:
+def as_results(truth: GroundTruth) -> Results:
+    """Return true poses as if an estimator had found them."""
     n = len(truth)
     return Results(
         scene_id=truth.scene_id,

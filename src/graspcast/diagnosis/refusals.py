@@ -37,7 +37,11 @@ _NAMES: Sequence[tuple[str, str, str]] = (
         "mesh-frame",
         "Take the mesh and models_info.json from one release; their origins differ",
     ),
-    (r"are shares of the image|shares of the image\?", "boxes-shares", "Multiply by the size"),
+    (
+        r"are shares of the image|shares of the image\?",
+        "boxes-shares",
+        "Multiply the boxes by the image size",
+    ),
     (r"two corners", "boxes-corners", "Write x, y, width, height: subtract the first corner"),
     (r"transposed rotations|rotations transposed", "poses-transposed", "Transpose the rotations"),
     (r"are they obj_T_cam", "poses-inverted", "Invert the poses: BOP's map object to camera"),
@@ -50,10 +54,18 @@ _NAMES: Sequence[tuple[str, str, str]] = (
     (r"radians read as degrees", "rotation-unit", "Convert the angles again, without degrees"),
     (r"mirrored rotation", "poses-mirrored", "Write proper rotations (determinant 1)"),
     (r"behind the camera", "poses-behind", "Write poses in OpenCV's camera frame"),
-    (r"rotation scaled by|no rotation matrix|away from the nearest", "no-rotation", "Write R so"),
+    (
+        r"rotation scaled by|no rotation matrix|away from the nearest",
+        "no-rotation",
+        "Write rotation matrices, with all their digits",
+    ),
     (r"same pose as|same poses as", "estimator-copied", "Leave one of the two files out"),
-    (r"is transposed: the principal point", "camera-transposed", "Write K row by row"),
-    (r"focal lengths?|principal point|no matrix of intrinsics", "camera-wrong", "Write K anew"),
+    (r"is transposed: the principal point", "camera-transposed", "Write cam_K row by row"),
+    (
+        r"focal lengths?|principal point|no matrix of intrinsics",
+        "camera-wrong",
+        "Write the intrinsics of the images, in pixels",
+    ),
     (r"rows share their trial", "outcomes-repeated", "Leave one row of each trial"),
     (r"repeats the instance and pose|repeats the object", "rows-repeated", "Leave one of the rows"),
     (
@@ -67,6 +79,11 @@ _NAMES: Sequence[tuple[str, str, str]] = (
     (r"instead of (milli|centi)?(metres|inches)", "camera-poses-unit", "Write the unit they have"),
     (r"each rotation transposed", "camera-poses-transposed", "Transpose the rotations"),
     (r"camera poses contradict", "camera-poses-wrong", "Leave the camera poses of such scenes out"),
+    (
+        r"no image of the estimates has a camera pose",
+        "camera-poses-unmatched",
+        "Number the images alike",
+    ),
     (r"has the same scene and image as", "duplicate-images", "Remove one of the two files"),
 )
 
