@@ -200,7 +200,7 @@ def healthy(data: Path) -> list[list[str]]:
 
 
 def accuracies(trials: Sequence[dict]) -> list[list[str]]:
-    """Return how exact the printed transforms are, by kind of fault: medians and 90 % of objects."""
+    """Return how exact the printed transforms are, by kind of fault: medians and 90 %."""
     rows = []
     for fault in FAULTS:
         mine = [r for t in trials if t["fault"] == fault.name for r in t["repairs"]]
@@ -307,9 +307,10 @@ def main() -> None:
                     )
     print(report(trials))
     errors = sorted({code for t in trials for code in t["healthy"]})
+    wrong, notes = sum(bool(t["healthy"]) for t in trials), [t["healthy_notes"] for t in trials]
     print(
-        f"undamaged subsets with errors or warnings: {sum(bool(t['healthy']) for t in trials)} "
-        f"of {len(trials)} {errors}; most notes {max(t['healthy_notes'] for t in trials)}"
+        f"undamaged subsets with errors or warnings: {wrong} of {len(trials)} {errors}; "
+        f"most notes {max(notes, default=0)}"
     )
     rows = healthy(options.data) if options.healthy else []
     if rows:

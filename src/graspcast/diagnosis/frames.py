@@ -32,7 +32,7 @@ _LEAST = 8
 _FAR, _BETTER, _LIKELY, _AGREEING = 0.12, 3.0, 1.8, 0.5
 _VARIETY_RAD, _BETTER_ALIKE = np.radians(15.0), 8.0
 _FLIPPED_RAD, _SAME_RAD = np.radians(40.0), np.radians(15.0)
-_FLIPPED, _SPUN, _ONE_AXIS = 0.2, 0.3, 0.8
+_FLIPPED, _SPUN, _ONE_AXIS = 0.33, 0.33, 0.8
 _FOLDS_DEG, _FOLD_WITHIN_DEG, _SPREAD_DEG = np.array([90.0, 120.0, 180.0]), 12.0, 40.0
 _LEAST_SPUN = 15
 _ANGLES_RAD = np.radians([55.0, 97.0, 139.0])
@@ -82,7 +82,7 @@ def _flipped(
     folds = np.abs(np.degrees(rotation_angle(common)) - _FOLDS_DEG)
     around = np.degrees(np.abs(vectors @ directions[:, -1]))
     spun = float(np.subtract(*np.quantile(around, [0.75, 0.25]))) > _SPREAD_DEG
-    if near.max() >= _FLIPPED * len(angle) and folds.min() < _FOLD_WITHIN_DEG:
+    if near.max() >= max(4, _FLIPPED * len(angle)) and folds.min() < _FOLD_WITHIN_DEG:
         share, tried = near.max() / len(angle), [rotation_vector(common)]
         words = f"at about {np.degrees(rotation_angle(common)):.0f}°"
     elif spun and len(angle) >= _LEAST_SPUN and weights[-1] > _ONE_AXIS and large.mean() >= _SPUN:
@@ -118,6 +118,7 @@ def frame_findings(
     """Say whose poses differ from others' by a constant transform of the object's frame."""
     clear: dict[int, dict[tuple[str, str], Offset]] = {}
     likely: dict[int, dict[tuple[str, str], Offset]] = {}
+    compared: Counter[tuple[int, str]] = Counter()
     for key, pair in pairs.items():
         if case.blamed & set(key):
             continue
@@ -125,6 +126,7 @@ def frame_findings(
             poses, others = _of(pair, obj_id)
             if len(poses) < _LEAST:
                 continue
+            compared.update((obj_id, name) for name in key)
             size = case.diameter_m(obj_id)
             size = size if np.isfinite(size) else 0.15
             offset = find_offset(poses, others, case.symmetries(obj_id), size)
@@ -140,9 +142,11 @@ def frame_findings(
     for obj_id, found in likely.items():
         times = Counter(name for pair in clear.get(obj_id, found) for name in pair)
         if obj_id in clear or any(overall[name] for name in times):
-            odd[obj_id] = max(
-                times, key=lambda n: (times[n], overall[n], n != TRUTH, order.index(n))
-            )
+            name = max(times, key=lambda n: (times[n], overall[n], n != TRUTH, order.index(n)))
+            agreeing = sum(name in pair for pair in found)
+            # A frame differs from all others; what differs from one of them alone is an error.
+            if agreeing >= min(2, compared[obj_id, name]):
+                odd[obj_id] = name
     offsets = {
         obj_id: {pair: o for pair, o in likely[obj_id].items() if who in pair}
         for obj_id, who in odd.items()
