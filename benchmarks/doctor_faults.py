@@ -100,7 +100,10 @@ def _models(files: Files, obj_id: int):  # type: ignore[no-untyped-def]
 def run(files: Files) -> list[Finding]:
     with tempfile.TemporaryDirectory() as folder:
         paths, calibration = files.write(Path(folder))
-        found = diagnose(paths, calibration=calibration)
+        found = [
+            replace(f, message=f.message.replace(f"{folder}/", ""))
+            for f in diagnose(paths, calibration=calibration)
+        ]
     shapes.surface_of.cache_clear()
     return found
 
@@ -159,6 +162,9 @@ def trial(fault: Fault, draw: int, options: argparse.Namespace) -> dict:
         "found": found,
         "named": first,
         "seconds": time.perf_counter() - start,
+        "example": next(
+            ([f.severity, f.message, f.cure] for f in after if f.code == fault.code), None
+        ),
         "healthy": [f.code for f in before if f.severity != "note"],
         "healthy_notes": sum(f.severity == "note" for f in before),
         "findings": [] if first else [f"{f.severity} {f.code}: {f.message}"[:300] for f in after],
@@ -176,6 +182,13 @@ def report(trials: Sequence[dict]) -> str:
     found, named = (sum(t[k] for t in trials) for k in ("found", "named"))
     rows.append(["**all**", "", f"{found}/{len(trials)}", f"{named}/{len(trials)}"])
     return table(["fault", "code", "found", "named"], rows)
+
+
+def examples(trials: Sequence[dict]) -> str:
+    """Return one finding of each code, with its numbers and cure."""
+    found = {t["code"]: t["example"] for t in reversed(trials) if t["example"]}
+    rows = [[f"`{code}`", severity, said, cure] for code, (severity, said, cure) in found.items()]
+    return table(["code", "severity", "example", "cure"], sorted(rows))
 
 
 def healthy(data: Path) -> list[list[str]]:
@@ -289,6 +302,7 @@ def main() -> None:
     parser.add_argument("--only", default="", help="a part of the faults' names")
     parser.add_argument("--healthy", action="store_true", help="count findings on whole data too")
     parser.add_argument("--repairs", action="store_true", help="measure transforms without bias")
+    parser.add_argument("--examples", action="store_true", help="print a finding of each code")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     quick_symmetries()
@@ -306,6 +320,8 @@ def main() -> None:
                         flush=True,
                     )
     print(report(trials))
+    if options.examples:
+        print(examples(trials))
     errors = sorted({code for t in trials for code in t["healthy"]})
     wrong, notes = sum(bool(t["healthy"]) for t in trials), [t["healthy_notes"] for t in trials]
     print(
