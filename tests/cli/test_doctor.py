@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from commands import refused
+from graspcast.bop.object_transforms import read_object_transforms
 from graspcast.cli import main
 from graspcast.pose.transforms import invert, transform
 from sick_files import healthy
@@ -38,9 +39,15 @@ def test_an_error_is_code_1_and_the_repair_is_written(
     content = json.loads(out.read_text())
     assert content["counts"] == {"error": 1, "warning": 0, "note": 0}
     assert content["findings"][0]["code"] == "other-model-frame"
-    written = json.loads(repairs.read_text())
-    assert set(written) == {"1", "2"}
-    np.testing.assert_allclose(written["1"], D, atol=3e-3)
+    written = read_object_transforms(repairs)
+    assert set(written) == {1, 2}
+    np.testing.assert_allclose(written[1], D, atol=3e-3)
+    mended = tmp_path / "mended_toy-test.csv"
+    given = ["convert", str(tmp_path / "data" / "b_toy-test.csv"), "--apply", str(repairs)]
+    assert main([*given, "--out", str(mended)]) == 0
+    (tmp_path / "data" / "b_toy-test.csv").unlink()
+    mended.rename(tmp_path / "data" / mended.name)
+    assert main(["doctor", str(tmp_path / "data")]) == 0
 
 
 def test_the_environment_alone(capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,6 +12,8 @@ from graspcast.cli.options import Verbs, add_json, maybe_named, new_verb, write_
 from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
+    from numpy import ndarray
+
     from graspcast.diagnosis.finding import Finding
 
 __all__ = ["add"]
@@ -57,7 +59,8 @@ def add(verbs: Verbs) -> None:
         metavar="FILE",
         type=Path,
         help="write the transforms that mend poses in another model frame (JSON, object's number "
-        "to a 4x4 matrix in metres); with several estimators one file each, FILE-NAME",
+        "to a 4x4 matrix in millimetres), for convert --apply; with several estimators one file "
+        "each, FILE-NAME",
     )
     add_json(verb)
     verb.set_defaults(outputs=("repairs",))
@@ -91,9 +94,14 @@ def _shown(finding: Finding) -> str:
     if finding.code in _COMMANDS:
         lines.append(f"    {_COMMANDS[finding.code]}")
     for obj_id, matrix in finding.repair.items():
-        lines.append(f"    object {obj_id} (metres):")
-        lines += ["      " + " ".join(f"{x:10.6f}" for x in row) for row in matrix.tolist()]
+        lines.append(f"    object {obj_id} (millimetres):")
+        lines += ["      " + " ".join(f"{x:10.5f}" for x in row) for row in _in_mm(matrix)]
     return "\n".join(lines)
+
+
+def _in_mm(matrix: ndarray) -> list[list[float]]:
+    """Return the rows of a transform with its offset in millimetres, as ``convert`` reads it."""
+    return [[*row[:3], 1000 * row[3]] for row in matrix[:3].tolist()] + [[0.0, 0.0, 0.0, 1.0]]
 
 
 def _write_repairs(path: Path, findings: Sequence[Finding]) -> None:
@@ -106,5 +114,6 @@ def _write_repairs(path: Path, findings: Sequence[Finding]) -> None:
     for finding in found:
         name = f"{path.stem}-{finding.estimator or 'all'}{path.suffix}"
         out = path if len(found) == 1 else path.with_name(name)
-        json.write_json(out, {str(i): m.tolist() for i, m in finding.repair.items()})
+        repairs = {str(i): _in_mm(matrix) for i, matrix in finding.repair.items()}
+        json.write_json(out, {"unit": "mm", **repairs})
         print_text(str(out))

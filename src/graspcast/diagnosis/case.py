@@ -16,9 +16,9 @@ from numpy import ndarray
 
 from graspcast.bop.dataset import BopDataset, Camera, GroundTruth, read_ground_truth
 from graspcast.bop.detections import Detections, read_detections
-from graspcast.bop.images import find_images
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results, read_results
+from graspcast.bop.scenes import sensors_in
 from graspcast.bop.unit_checks import models_problem
 from graspcast.bop.units import metres
 from graspcast.diagnosis.contradictions import repeated_in_one
@@ -73,12 +73,12 @@ class Scenes:
 
     @cached_property
     def _own(self) -> dict[tuple[int, int], Camera]:
-        given = any(self.path.glob("*/scene_camera.json"))
+        given = self.dataset.scene_folders.has("camera")
         return self.dataset.scene_cameras if given else {}
 
     @cached_property
     def _common(self) -> Camera | None:
-        there = (self.dataset.root / "camera.json").is_file()
+        there = any(self.dataset.root.glob("camera*.json"))
         return self.dataset.camera if there else None
 
 
@@ -211,7 +211,8 @@ def read_case(entries: list[Found]) -> Case:
     case.root = next(iter([*roots, *beside]), None)
     _read_models(case, [e.path for e in of["models"]])
     for entry in of["scenes"]:
-        _read_scenes(case, entry.path)
+        for sensor in sensors_in(entry.path) or [""]:
+            _read_scenes(case, entry.path, sensor)
     for entry in of["results"]:
         _read_results(case, entry)
     for entry in of["detections"]:
@@ -264,26 +265,32 @@ def _merged(findings: list[Finding]) -> list[Finding]:
     return list(out.values())
 
 
-def _read_scenes(case: Case, path: Path) -> None:
+def _read_scenes(case: Case, path: Path, sensor: str) -> None:
+    """Read the annotations of one camera of a directory of scene folders."""
     own = case.root or path.parent
-    scenes = Scenes(path, BopDataset(own, ground_truth=path, name=case.name))
-    camera = own / "camera.json"
-    size = case.attempt("camera", camera, lambda: (scenes.dataset.image_size,))
-    if camera.is_file() and size is not None:
-        scenes.cameras_known = (
-            case.attempt("camera", camera, lambda: scenes.dataset.camera) is not None
-        )
-    if any(path.glob("*/scene_camera.json")) and scenes.cameras_known:
-        read = case.attempt("camera", path, lambda: scenes.dataset.scene_cameras)
+    dataset = case.attempt("camera", own, _dataset, own, path, case.name, sensor)
+    if dataset is None:
+        return
+    scenes, folders = Scenes(path, dataset), dataset.scene_folders
+    size = case.attempt("camera", own, lambda: (dataset.image_size,))
+    scenes.cameras_known = size is not None
+    if scenes.cameras_known and any(own.glob("camera*.json")):
+        scenes.cameras_known = case.attempt("camera", own, lambda: dataset.camera) is not None
+    if folders.has("camera") and scenes.cameras_known:
+        read = case.attempt("camera", path, lambda: dataset.scene_cameras)
         scenes.cameras_known = read is not None
-    if any(path.glob("*/scene_gt.json")):
+    if folders.has("gt"):
         diameters = {i: m.diameter_m for i, m in case.models.info.items()} if case.models else {}
-        scenes.truth = case.attempt("truth", path, read_ground_truth, path, diameters)
-    if any(path.glob("*/rgb")):
-        scenes.images = case.attempt("images", path, find_images, path) or {}
+        scenes.truth = case.attempt("truth", path, read_ground_truth, folders, diameters)
+    if dataset.has_images:
+        scenes.images = case.attempt("images", path, lambda: dataset.images) or {}
     if any("cam_R_w2c" in p.read_text() for p in sorted(path.glob("*/scene_camera.json"))[:3]):
         scenes.motion = case.attempt("camera-poses", path, read_camera_motion, path)
     case.scenes.append(scenes)
+
+
+def _dataset(root: Path, scenes: Path, name: str, sensor: str) -> BopDataset:
+    return BopDataset(root, ground_truth=scenes, name=name, sensor=sensor or None)
 
 
 def _read_results(case: Case, entry: Found) -> None:

@@ -110,9 +110,9 @@ def _directory(path: Path, name: str, *, given: bool = False) -> Iterator[Found]
 
 def is_scenes(path: Path) -> bool:
     """Return whether a directory holds scene folders."""
-    files = ("scene_gt.json", "scene_camera.json", "rgb")
+    kinds = ("scene_gt*.json", "scene_camera*.json", "rgb*", "gray*")
     return any(
-        child.name.isdecimal() and child.is_dir() and any((child / f).exists() for f in files)
+        child.name.isdecimal() and child.is_dir() and any(any(child.glob(k)) for k in kinds)
         for child in path.iterdir()
     )
 
@@ -145,8 +145,8 @@ def _file_kind(path: Path) -> Kind | None:
         return _table_kind(_head(path))
     if ".json" in suffixes[-2:]:
         head = _head(path).lstrip()
-        boxed = head.startswith("[") and '"bbox"' in head
-        return "detections" if boxed and '"category_id"' in head else None
+        boxed = '"bbox' in head and ('"category_id"' in head or '"obj_id"' in head)
+        return "detections" if boxed else None
     return None
 
 

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Iterator
 from pathlib import Path
 
+from graspcast.bop.cameras import other_size_problem
 from graspcast.diagnosis.case import Case, Scenes
 from graspcast.diagnosis.finding import Finding
 
@@ -45,13 +46,15 @@ def _duplicates(scenes: Scenes) -> Iterator[Finding]:
 def _sizes(scenes: Scenes) -> Iterator[Finding]:
     from PIL import Image, UnidentifiedImageError
 
-    wanted = scenes.dataset.image_size
+    dataset = scenes.dataset
+    wanted = dataset.image_size
     wrong: list[tuple[Path, tuple[int, int]]] = []
     broken: list[Path] = []
-    for path in scenes.images.values():
+    for key, path in scenes.images.items():
         try:
             with Image.open(path) as image:
-                if wanted is not None and image.size != wanted:
+                own = scenes.cameras_known and _suits(scenes, key, image.size)
+                if wanted is not None and image.size != wanted and not own:
                     wrong.append((path, image.size))
         except (OSError, UnidentifiedImageError, Image.DecompressionBombError):
             broken.append(path)
@@ -76,6 +79,14 @@ def _sizes(scenes: Scenes) -> Iterator[Finding]:
             f"{size[0] / wanted[0]:.4g}, and write the new size",
             {"images": len(wrong), "size": list(size), "stated": list(wanted)},
         )
+
+
+def _suits(scenes: Scenes, key: tuple[int, int], size: tuple[int, int]) -> bool:
+    """Return whether an image has intrinsics of its own, and they may be of its size."""
+    if not scenes.dataset.scene_folders.has("camera"):
+        return False
+    own = scenes.dataset.scene_cameras.get(key)
+    return own is not None and not other_size_problem(scenes.dataset.root, own.K, size)
 
 
 def _without_image(scenes: Scenes) -> Iterator[Finding]:
