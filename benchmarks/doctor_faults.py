@@ -187,8 +187,10 @@ def report(trials: Sequence[dict]) -> str:
 def examples(trials: Sequence[dict]) -> str:
     """Return one finding of each code, with its numbers and cure."""
     found = {t["code"]: t["example"] for t in reversed(trials) if t["example"]}
-    rows = [[f"`{code}`", severity, said, cure] for code, (severity, said, cure) in found.items()]
-    return table(["code", "severity", "example", "cure"], sorted(rows))
+    return "\n".join(
+        f"- **`{code}`** ({severity}): {said}. *{cure}.*"
+        for code, (severity, said, cure) in sorted(found.items())
+    )
 
 
 def healthy(data: Path) -> list[list[str]]:
@@ -297,6 +299,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--draws", type=int, default=4)
+    parser.add_argument("--first", type=int, default=0, help="number of the first draw")
+    parser.add_argument("--part", default="0/1", help="this part of the faults alone: 0/2, 1/2")
     parser.add_argument("--half", type=int, choices=(0, 1), default=1)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="a part of the faults' names")
@@ -307,9 +311,10 @@ def main() -> None:
     options = parser.parse_args()
     quick_symmetries()
     trials = []
-    for fault in FAULTS:
+    part, parts = map(int, options.part.split("/"))
+    for fault in FAULTS[part::parts]:
         if options.only in fault.name:
-            for draw in range(options.draws):
+            for draw in range(options.first, options.first + options.draws):
                 trials.append(trial(fault, draw, options))
                 if not trials[-1]["named"]:
                     print(
