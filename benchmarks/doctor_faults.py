@@ -163,7 +163,7 @@ def trial(fault: Fault, draw: int, options: argparse.Namespace) -> dict:
         "named": first,
         "seconds": time.perf_counter() - start,
         "example": next(
-            ([f.severity, f.message, f.cure] for f in after if f.code == fault.code), None
+            ([f.severity, f.sentence, f.cure] for f in after if f.code == fault.code), None
         ),
         "healthy": [f.code for f in before if f.severity != "note"],
         "healthy_notes": sum(f.severity == "note" for f in before),
@@ -188,7 +188,7 @@ def examples(trials: Sequence[dict]) -> str:
     """Return one finding of each code, with its numbers and cure."""
     found = {t["code"]: t["example"] for t in reversed(trials) if t["example"]}
     return "\n".join(
-        f"- **`{code}`** ({severity}): {said}. *{cure}.*"
+        f"- **`{code}`** ({severity}): {said} *{cure}.*"
         for code, (severity, said, cure) in sorted(found.items())
     )
 

@@ -88,7 +88,7 @@ def _shown(finding: Finding) -> str:
     """Return a finding as a few lines of text, a repairing transform in millimetres below it."""
     lines = [
         f"{finding.severity}: {finding.code}: {finding.path}",
-        f"  {finding.message}.",
+        f"  {finding.sentence}",
         f"  → {finding.cure}",
     ]
     if finding.code in _COMMANDS:

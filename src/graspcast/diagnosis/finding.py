@@ -53,7 +53,12 @@ class Finding:
     estimator: str = ""
 
     def __str__(self) -> str:
-        return f"{self.severity} {self.code}: {self.path}: {self.message}. {self.cure}"
+        return f"{self.severity} {self.code}: {self.path}: {self.sentence} {self.cure}"
+
+    @property
+    def sentence(self) -> str:
+        """The message with its full stop, or question mark."""
+        return self.message if self.message.endswith(("?", ".")) else f"{self.message}."
 
     def as_dict(self) -> dict[str, Any]:
         """Return the finding as JSON values."""
