@@ -12,8 +12,6 @@ from graspcast.cli.options import Verbs, add_json, maybe_named, new_verb, write_
 from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
-    from numpy import ndarray
-
     from graspcast.diagnosis.finding import Finding
 
 __all__ = ["add"]
@@ -59,7 +57,7 @@ def add(verbs: Verbs) -> None:
         metavar="FILE",
         type=Path,
         help="write the transforms that mend poses in another model frame (JSON, object's number "
-        "to a 4x4 matrix in millimetres), for convert --apply; with several estimators one file "
+        "to a 4x4 matrix in metres), for convert --apply; with several estimators one file "
         "each, FILE-NAME",
     )
     add_json(verb)
@@ -85,7 +83,7 @@ def _doctor(options: argparse.Namespace) -> int:
 
 
 def _shown(finding: Finding) -> str:
-    """Return a finding as a few lines of text, a repairing transform in millimetres below it."""
+    """Return a finding as a few lines of text, a repairing transform below it."""
     lines = [
         f"{finding.severity}: {finding.code}: {finding.path}",
         f"  {finding.sentence}",
@@ -94,14 +92,9 @@ def _shown(finding: Finding) -> str:
     if finding.code in _COMMANDS:
         lines.append(f"    {_COMMANDS[finding.code]}")
     for obj_id, matrix in finding.repair.items():
-        lines.append(f"    object {obj_id} (millimetres):")
-        lines += ["      " + " ".join(f"{x:10.5f}" for x in row) for row in _in_mm(matrix)]
+        lines.append(f"    object {obj_id} (metres):")
+        lines += ["      " + " ".join(f"{x:10.6f}" for x in row) for row in matrix.tolist()]
     return "\n".join(lines)
-
-
-def _in_mm(matrix: ndarray) -> list[list[float]]:
-    """Return the rows of a transform with its offset in millimetres, as ``convert`` reads it."""
-    return [[*row[:3], 1000 * row[3]] for row in matrix[:3].tolist()] + [[0.0, 0.0, 0.0, 1.0]]
 
 
 def _write_repairs(path: Path, findings: Sequence[Finding]) -> None:
@@ -114,6 +107,6 @@ def _write_repairs(path: Path, findings: Sequence[Finding]) -> None:
     for finding in found:
         name = f"{path.stem}-{finding.estimator or 'all'}{path.suffix}"
         out = path if len(found) == 1 else path.with_name(name)
-        repairs = {str(i): _in_mm(matrix) for i, matrix in finding.repair.items()}
-        json.write_json(out, {"unit": "mm", **repairs})
+        repairs = {str(i): matrix.tolist() for i, matrix in finding.repair.items()}
+        json.write_json(out, {"unit": "m", **repairs})
         print_text(str(out))
