@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from graspcast.bop.pose_rows import Stated
     from graspcast.bop.results import Results, read_results, write_results
     from graspcast.demo_data import demo_dataset
+    from graspcast.diagnosis.diagnose import diagnose
+    from graspcast.diagnosis.finding import Finding
     from graspcast.errors import GraspcastError
     from graspcast.estimates.alignment import Estimates, align
     from graspcast.estimates.conversion import convert_poses
@@ -107,6 +109,8 @@ _HOME = {
         "write_results",
     ),
     "demo_data": ("demo_dataset",),
+    "diagnosis.diagnose": ("diagnose",),
+    "diagnosis.finding": ("Finding",),
     "errors": ("GraspcastError",),
     "estimates.alignment": (
         "Estimates",

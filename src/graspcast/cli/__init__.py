@@ -18,6 +18,7 @@ from graspcast.cli import (
     compare,
     convert,
     demo,
+    doctor,
     errors,
     estimate,
     evaluate,
@@ -49,6 +50,7 @@ __all__ = ["main", "parser", "verb_parsers"]
 # In the order of --help.
 _VERBS = (
     demo,
+    doctor,
     render,
     estimate,
     train_estimator,
@@ -95,8 +97,8 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code.
 
-    0 done, 2 a mistake in the input, 3 an alarm of ``monitor``, 130 interrupted, 141 nobody reads
-    the output any more.
+    0 done, 1 errors found by ``doctor``, 2 a mistake in the input, 3 an alarm of ``monitor``,
+    130 interrupted, 141 nobody reads the output any more.
     """
     for stream in (sys.stdout, sys.stderr):
         # A terminal or pipe of another encoding than UTF-8 shows "?" for what it lacks.

@@ -1,0 +1,1 @@
+"""Diagnosis: what is wrong with files, found before anything is run."""
