@@ -101,12 +101,10 @@ def one_pair(name: str, gripper: str, errors: Errors, work: Path, most: int) -> 
     unseen = errors.of(name, test=True)
     unseen = unseen[np.random.default_rng(0).permutation(len(unseen))[:most]]
     figures["n"] = len(unseen)
-    for protocol in (TrialSettings.robot(hand), TrialSettings.paper()):
-        pool = TrialPool(target, hand, protocol)
-        for which, grasp in (("reference", reference.grasp), ("best", found.grasps[best])):
-            outcomes = pool.run([(error, grasp.obj_T_grasp) for error in unseen])
-            held = [outcome.success for outcome in outcomes]
-            figures[f"{which}_{protocol.protocol}"] = held
+    pool = TrialPool(target, hand, TrialSettings.robot(hand))
+    for which, grasp in (("reference", reference.grasp), ("best", found.grasps[best])):
+        outcomes = pool.run([(error, grasp.obj_T_grasp) for error in unseen])
+        figures[f"{which}_robot"] = [outcome.success for outcome in outcomes]
     write_text(stored, json.dumps(figures))
     return figures
 
@@ -132,24 +130,17 @@ def table(found: dict[tuple[str, str], dict[str, Any]]) -> str:
             f"{np.mean([np.mean(figures[key]) for figures in mine.values()]):.3f}"
             for key in ("reference_robot", "best_robot", "chosen_at")
         ]
-        paper = [
-            f"{np.mean([np.mean(figures[key]) for figures in mine.values()]):.3f}"
-            for key in ("reference_paper", "best_paper")
-        ]
         seconds = np.mean([figures["cpu_s"] for figures in mine.values()])
-        rows.append([f"mean of {len(mine)}", gripper, *means, *paper, "", "", f"{seconds:.0f}"])
+        rows.append([f"mean of {len(mine)}", gripper, *means, "", "", f"{seconds:.0f}"])
     head = ["object", "gripper", "reference", "best proposed", "when chosen"]
-    head += ["reference, paper's", "best, paper's", "errors", "kept", "CPU s"]
+    head += ["errors", "kept", "CPU s"]
     return markdown.table(head, rows)
 
 
 def _row(name: str, gripper: str, figures: dict[str, Any]) -> list[str]:
-    def rate(key: str) -> str:
-        return f"{np.mean(figures[key]):.2f}"
-
     def with_interval(key: str) -> str:
         low, high = success_interval(sum(figures[key]), len(figures[key]))
-        return f"{rate(key)} [{low:.2f}, {high:.2f}]"
+        return f"{np.mean(figures[key]):.2f} [{low:.2f}, {high:.2f}]"
 
     return [
         name,
@@ -157,8 +148,6 @@ def _row(name: str, gripper: str, figures: dict[str, Any]) -> list[str]:
         with_interval("reference_robot"),
         with_interval("best_robot"),
         f"{figures['chosen_at']:.2f}",
-        rate("reference_paper"),
-        rate("best_paper"),
         str(figures["n"]),
         str(figures["kept"]),
         f"{figures['cpu_s']:.0f}",
