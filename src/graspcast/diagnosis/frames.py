@@ -30,6 +30,8 @@ __all__ = ["frame_findings", "symmetry_findings"]
 
 _LEAST = 8
 _FAR, _BETTER, _LIKELY, _AGREEING = 0.12, 3.0, 1.8, 0.5
+_FEW, _FAR_OF_FEW = 15, 0.3
+"""In a few images of one scene, an occluded object is off in the same way by all accounts."""
 _VARIETY_RAD, _BETTER_ALIKE = np.radians(15.0), 8.0
 _FLIPPED_RAD, _SAME_RAD = np.radians(40.0), np.radians(15.0)
 _FLIPPED, _SPUN, _ONE_AXIS = 0.33, 0.33, 0.8
@@ -171,7 +173,7 @@ def _explains(offset: Offset, poses: ndarray, diameter_m: float, better: float) 
     alike = 2 * np.median(np.arccos(np.clip(np.abs(views @ mean), 0, 1))) < _VARIETY_RAD
     moved = offset.shift_m > 0.06 * diameter_m or offset.turn_rad > np.radians(12)
     return (
-        offset.before > _FAR
+        offset.before > (_FAR if len(poses) >= _FEW else _FAR_OF_FEW)
         and offset.before > (_BETTER_ALIKE if alike else better) * offset.after
         and offset.agreeing > _AGREEING
         and moved
