@@ -17,12 +17,18 @@ guide (always, without abstaining)
 Where grasps are chosen the forecast's calibration is measured as well, with and without the
 correction of highest forecasts, and so is what is attempted from a probability of 0.8 on. Intervals
 are by a bootstrap over scenes; figures are means over all instances and the three estimators.
+
+``--views 1 3`` forecasts from one view and from three, on those instances that have a second view.
+Views serve as in the protocol ``several_views`` of ``graspcast evaluate``, and inform the forecast
+alone: the estimate of the instance's own image guides the grasp, whatever the number of views. So
+success without abstaining depends on them by the choice of the grasp alone. Where the views
+contradict each other so that one is left, the forecast is that from one view.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -31,17 +37,22 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from graspcast.bop.models import Models
 from graspcast.cli.options import write_json
 from graspcast.estimates.instances import scene_groups
 from graspcast.estimates.outcomes import read_all_outcomes
 from graspcast.evaluation.benchmark import Benchmark
 from graspcast.evaluation.bootstrap import Interval, original_and_draws
 from graspcast.evaluation.scores import calibration_error
+from graspcast.evaluation.view_fusion import fuse_benchmark, published_sources
+from graspcast.evaluation.view_sets import ViewModelRule, ViewRow, ViewSet
 from graspcast.forecasting.forecaster import Forecaster
+from graspcast.forecasting.grasp_ranking import GraspForecast
 from graspcast.forecasting.models.blend import Blend, ForestSettings
 from graspcast.forecasting.splits import by_group
 from graspcast.forecasting.train import fit_forecaster
 from graspcast.forecasting.training_data import TrainingData
+from graspcast.forecasting.view_rankings import view_ranking
 from graspcast.paper.dataset import Published
 
 AT = 0.8
@@ -51,7 +62,11 @@ POLICIES = ("reference", "best fixed", "chosen", "any that succeeds")
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """Held-out forecasts and outcomes of one estimator in one fold, n instances of S grasps."""
+    """Held-out forecasts and outcomes of one estimator in one fold, n instances of S grasps.
+
+    ``probability`` is of the chosen grasp; ``uncorrected``, ``of_reference`` and ``of_fixed`` are
+    as if the chosen, the reference or the fixed grasp were the only one.
+    """
 
     scenes: ndarray
     objects: ndarray
@@ -60,7 +75,8 @@ class Held:
     chosen: Int[ndarray, " n"]
     probability: Float[ndarray, " n"]
     uncorrected: Float[ndarray, " n"]
-    reference: Float[ndarray, " n"]
+    of_reference: Float[ndarray, " n"]
+    of_fixed: Float[ndarray, " n"]
 
     def outcome(self, which: Int[ndarray, " n"]) -> Float[ndarray, " n"]:
         """Return the outcome of one grasp of each instance."""
@@ -75,6 +91,7 @@ def main() -> None:
     options.add_argument("--folds", type=int, default=5)
     options.add_argument("--trees", type=int, default=128)
     options.add_argument("--calibration-folds", type=int, default=4, help="inside training")
+    options.add_argument("--views", type=int, nargs="+", default=[], help="at most, beside 1")
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--json", type=Path)
     given = options.parse_args()
@@ -93,63 +110,132 @@ def main() -> None:
         mine = np.isin(data.objects, data.objects[tried[s]])
         whole &= ~mine | ~np.isnan(data.every_success[s]).any(axis=0)
     data = data.select(whole)
+    views_of = sorted({1, *given.views})
+    data, fused = with_views(data, Published(given.data), views_of)
     settings = ForestSettings(trees=given.trees, folds=given.calibration_folds, seed=given.seed)
     started = perf_counter()
-    held = list(held_out(data, benchmark, settings, given.folds))
+    held: dict[int, list[Held]] = {views: [] for views in views_of}
+    for views, each in held_out(data, fused, benchmark, settings, given.folds):
+        held[views].append(each)
     print(f"{len(data)} instances, {len(names)} objects, {perf_counter() - started:.0f} s")
-    found = summary(held, given.seed)
-    for name, value in found.items():
-        print(f"| {name} | {shown(value)} |")
-    print("\n| object | n | " + " | ".join(POLICIES) + " |\n|---|---|" + "---|" * len(POLICIES))
+    found: dict[str, dict[str, object]] = {}
+    drawn = {views: draws_of(each, given.seed) for views, each in held.items()}
+    for views, each in held.items():
+        title = f"{views} view{'s' * (views > 1)}"
+        found[title] = summary(each, drawn[views])
+        if views > 1:
+            found[f"{title} minus 1"] = {
+                name: interval(draws - drawn[1][name]) for name, draws in drawn[views].items()
+            }
+    for title, figures in found.items():
+        print(f"\n| {title} | |\n|---|---|")
+        for name, value in figures.items():
+            print(f"| {name} | {shown(value)} |")
+    for views, each in held.items():
+        print_objects(f"object, {views}", each, names)
+    if given.json:
+        write_json(given.json, found)
+
+
+def print_objects(title: str, held: list[Held], names: Sequence[str]) -> None:
+    """Print success of each object by policy."""
+    print(f"\n| {title} | n | " + " | ".join(POLICIES) + " |")
+    print("|---|---|" + "---|" * len(POLICIES))
     objects = np.concatenate([each.objects for each in held])
     for name in names:
         if not (mine := objects == name).any():  # in one scene alone
             continue
         rates = [f"{values[mine].mean():.3f}" for values in by_policy(held).values()]
         print(f"| {name} | {mine.sum()} | " + " | ".join(rates) + " |")
-    if given.json:
-        write_json(given.json, found)
+
+
+def with_views(
+    data: TrainingData, published: Published, views: Sequence[int]
+) -> tuple[TrainingData, dict[int, ViewSet]]:
+    """Fuse for training, and to forecast from each number of views, where one is above 1."""
+    rows = {v: ViewRow(f"{v} views", v) for v in views if v > 1}
+    if not rows:
+        return data, {}
+    fused = fuse_benchmark(published_sources(published), data.estimates, list(rows.values()))
+    found = {v: fused.test[row.fusion] for v, row in rows.items()}
+    return replace(data, views=fused.train[ViewModelRule()]), found
 
 
 def held_out(
-    data: TrainingData, benchmark: Benchmark, settings: ForestSettings, folds: int
-) -> Iterator[Held]:
-    """Yield forecasts and outcomes of each fold and estimator."""
+    data: TrainingData,
+    fused: Mapping[int, ViewSet],
+    benchmark: Benchmark,
+    settings: ForestSettings,
+    folds: int,
+) -> Iterator[tuple[int, Held]]:
+    """Yield number of views, forecasts and outcomes of each fold and estimator."""
     groups = scene_groups(data.estimates.instances)
+    places = {grasp: s for s, grasp in enumerate(data.grasps)}
     for train, test in by_group(groups, data.objects, folds=folds, seed=settings.seed):
-        learned, asked = data.select(train), data.select(test)
+        learned = data.select(train)
         forecaster = fit_forecaster(
             learned,
             guides=data.estimates.estimators,
             models=benchmark.models,
             forests=settings,
         )
-        known = np.isin(asked.objects, forecaster.card.objects)
-        asked = asked.select(known)
-        best = best_fixed(learned)
+        known = np.isin(data.objects[test], forecaster.card.objects)
+        for found in fused.values():
+            known &= np.isin(test, found.data.row)
+        test = test[known]
+        asked, best = data.select(test), best_fixed(learned)
+        mine = {v: found.select(test, len(data)) for v, found in fused.items()}
         fixed = np.array([best[name] for name in asked.objects.tolist()], dtype=np.int64)
-        scenes = groups[test][known]
         for k, name in enumerate(data.estimates.estimators):
             guided = forecaster.guided_by(name)
-            ranked = guided.rank(asked.estimates, benchmark.models)
-            plain = uncorrected(guided).probability(asked.estimates, benchmark.models)
-            able = np.flatnonzero([bool(some) for some in ranked])
-            places = {grasp: s for s, grasp in enumerate(data.grasps)}
-            yield Held(
-                scenes[able],
-                asked.objects[able],
-                asked.every_success[:, k, able],
-                fixed[able],
-                np.array([places[ranked[i][0].grasp] for i in able.tolist()]),
-                np.array([ranked[i][0].probability for i in able.tolist()]),
-                plain[able],
-                np.array(
-                    [
-                        next(f.probability for f in ranked[i] if f.grasp == data.grasps[0])
-                        for i in able.tolist()
-                    ]
-                ),
-            )
+            given = asked, name, mine, benchmark.models
+            ranked, alone = rankings(guided, *given), rankings(uncorrected(guided), *given)
+            able = np.flatnonzero([all(r[i] for r in ranked.values()) for i in range(len(test))])
+            for views, best_first in ranked.items():
+                each = [
+                    {places[f.grasp]: f.probability for f in alone[views][i]} for i in able.tolist()
+                ]
+                chosen = [places[best_first[i][0].grasp] for i in able.tolist()]
+                which = zip(each, chosen, fixed[able].tolist(), strict=True)
+                p = [(of[c], of[0], of[f]) for of, c, f in which]
+                yield (
+                    views,
+                    Held(
+                        groups[test][able],
+                        asked.objects[able],
+                        asked.every_success[:, k, able],
+                        fixed[able],
+                        np.array(chosen),
+                        np.array([best_first[i][0].probability for i in able.tolist()]),
+                        *np.array(p).T,
+                    ),
+                )
+
+
+def rankings(
+    forecaster: Forecaster,
+    asked: TrainingData,
+    guide: str,
+    fused: Mapping[int, ViewSet],
+    models: Mapping[str, Models],
+) -> dict[int, list[tuple[GraspForecast, ...]]]:
+    """Rank the grasps of instances from one view, and from each number of views."""
+    out = {1: list(forecaster.rank(asked.estimates, models))}
+    for views, found in fused.items():
+        data, several = found.data, found.data.views > 1
+        row = data.row[several]
+        ranking = view_ranking(
+            forecaster,
+            asked.estimates.instances.select(row),
+            data.statistics[several],
+            data.cam_T_fused[several],
+            asked.estimates.of(guide)[row],
+            models,
+        )
+        out[views] = list(out[1])
+        for i, grasps in zip(row.tolist(), ranking.grasps, strict=True):
+            out[views][i] = grasps
+    return out
 
 
 def best_fixed(data: TrainingData) -> dict[str, int]:
@@ -165,7 +251,9 @@ def best_fixed(data: TrainingData) -> dict[str, int]:
 def uncorrected(forecaster: Forecaster) -> Forecaster:
     """Return a forecaster without the correction of highest forecasts."""
     assert isinstance(forecaster.predictor, Blend)
-    return replace(forecaster, predictor=replace(forecaster.predictor, choice=None))
+    views = forecaster.predictor.views
+    views = None if views is None else replace(views, choice=None)
+    return replace(forecaster, predictor=replace(forecaster.predictor, choice=None, views=views))
 
 
 def by_policy(held: list[Held]) -> dict[str, Float[ndarray, " n"]]:
@@ -178,10 +266,14 @@ def by_policy(held: list[Held]) -> dict[str, Float[ndarray, " n"]]:
     return dict(zip(POLICIES, found, strict=True))
 
 
-def summary(held: list[Held], seed: int) -> dict[str, object]:
-    """Return success by policy, differences and calibration, with intervals."""
-    scenes = np.concatenate([each.scenes for each in held])
-    scene, number = np.unique(scenes, return_inverse=True)
+def joined(held: list[Held], of: str) -> ndarray:
+    """Return one thing of all folds and estimators."""
+    return np.concatenate([getattr(each, of) for each in held])
+
+
+def draws_of(held: list[Held], seed: int) -> dict[str, Float[ndarray, " d"]]:
+    """Return rates by policy and their differences, of all scenes and of each draw of scenes."""
+    scene, number = np.unique(joined(held, "scenes"), return_inverse=True)
     counts = original_and_draws(scene.tolist(), DRAWS, seed)
 
     def mean(values: ndarray, among: Bool[ndarray, " n"] | None = None) -> Float[ndarray, " d"]:
@@ -191,32 +283,36 @@ def summary(held: list[Held], seed: int) -> dict[str, object]:
         ]
         return np.asarray((counts @ sums[0]) / (counts @ sums[1]))
 
-    def joined(of: str) -> ndarray:
-        return np.concatenate([getattr(each, of) for each in held])
-
     outcomes = by_policy(held)
-    out: dict[str, object] = {"n": len(scenes), "scenes": len(scene)}
     rates = {name: mean(values) for name, values in outcomes.items()}
-    for name, draws in rates.items():
-        out[f"success, {name}"] = interval(draws)
-    out["chosen minus reference"] = interval(rates["chosen"] - rates["reference"])
-    out["best fixed minus reference"] = interval(rates["best fixed"] - rates["reference"])
-    out["chosen minus best fixed"] = interval(rates["chosen"] - rates["best fixed"])
-    held_chosen = outcomes["chosen"]
+    out = {f"success, {name}": draws for name, draws in rates.items()}
+    out["chosen minus reference"] = rates["chosen"] - rates["reference"]
+    out["best fixed minus reference"] = rates["best fixed"] - rates["reference"]
+    out["chosen minus best fixed"] = rates["chosen"] - rates["best fixed"]
     for name in ("probability", "uncorrected"):
-        p = joined(name)
+        label = "corrected" if name == "probability" else name
+        p = joined(held, name)
+        out[f"{label}: forecast minus success"] = mean(p - outcomes["chosen"])
+        out[f"{label}: Brier score"] = mean((p - outcomes["chosen"]) ** 2)
+    for policy, of in zip(POLICIES, ("of_reference", "of_fixed", "probability"), strict=False):
+        tried = joined(held, of) >= AT
+        out[f"attempted from {AT}, {policy}"] = mean(tried.astype(float))
+        out[f"success of these, {policy}"] = mean(outcomes[policy], tried)
+        out[f"attempted with success, {policy}"] = mean(tried * outcomes[policy])
+    return out
+
+
+def summary(held: list[Held], drawn: Mapping[str, Float[ndarray, " d"]]) -> dict[str, object]:
+    """Return success by policy, differences and calibration, with intervals."""
+    scenes = joined(held, "scenes")
+    out: dict[str, object] = {"n": len(scenes), "scenes": len(np.unique(scenes))}
+    out |= {name: interval(draws) for name, draws in drawn.items()}
+    held_chosen = by_policy(held)["chosen"]
+    for name in ("probability", "uncorrected"):
+        p = joined(held, name)
         label = "corrected" if name == "probability" else name
         out[f"{label}: mean forecast of the chosen"] = float(p.mean())
-        out[f"{label}: forecast minus success"] = interval(mean(p - held_chosen))
         out[f"{label}: calibration error"] = calibration_error(p, held_chosen == 1)
-        out[f"{label}: Brier score"] = float(np.mean((p - held_chosen) ** 2))
-    for name, p, y in (
-        ("reference", joined("reference"), outcomes["reference"]),
-        ("chosen", joined("probability"), held_chosen),
-    ):
-        tried = p >= AT
-        out[f"attempted from {AT}, {name}"] = interval(mean(tried.astype(float)))
-        out[f"success of these, {name}"] = interval(mean(y, tried))
     return out
 
 
