@@ -75,16 +75,24 @@ def test_another_frame_is_refused(changed: BopDataset) -> None:
         Network("dense").trained.check(changed, [2])
 
 
-def test_another_dataset_is_refused_unless_it_is_said_to_be_the_same(
-    changed: BopDataset, demo_boxes: Detections, tmp_path: Path
+def test_another_dataset_with_objects_of_the_same_size_is_noted_and_of_another_refused(
+    changed: BopDataset, demo_boxes: Detections, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    other = BopDataset(changed.root, name="mine")
     some = demo_boxes.select(np.arange(2))
-    with pytest.raises(MismatchError, match=r"is mine-\d+ .*of another dataset.*ycbv=") as error:
-        run_estimator(DenseEstimator(), other, some, tmp_path / "out.csv")
+    with caplog.at_level(logging.WARNING):
+        run_estimator(DenseEstimator(), changed, some, tmp_path / "out.csv")
+    assert "taken for the same" not in caplog.text
+    with caplog.at_level(logging.WARNING):
+        mine = BopDataset(changed.root, name="mine")
+        run_estimator(DenseEstimator(), mine, some, tmp_path / "mine.csv")
+    assert "trained for objects of ycbv; those of mine have the same numbers" in caplog.text
+    for number in set(some.obj_id.tolist()):
+        scaled(changed, number, 0.9)
+    other = BopDataset(changed.root, name="mine")
+    with pytest.raises(MismatchError, match=r"is mine-\d+ .*they differ in diameter") as error:
+        run_estimator(DenseEstimator(), other, some, tmp_path / "other.csv")
     assert "Otherwise train weights for mine" in str(error.value)
-    assert not (tmp_path / "out.csv").exists()
-    run_estimator(DenseEstimator(), changed, some, tmp_path / "out.csv")
+    assert not (tmp_path / "other.csv").exists()
 
 
 def test_the_command_line_takes_a_name_for_the_directory(
@@ -95,9 +103,10 @@ def test_the_command_line_takes_a_name_for_the_directory(
     (tmp_path / "boxes.json").write_text(json.dumps(boxes[:2]))
     words = ["estimate", "--estimator", "direct", "--detections", str(tmp_path / "boxes.json")]
     words += ["--out", str(tmp_path / "direct_ycbv-test.csv"), "--bop"]
-    assert main([*words, str(copy)]) == 2
-    assert "(see --bop, --weights)" in capsys.readouterr().err
+    assert main([*words, str(copy)]) == 0
+    assert "taken for the same" in capsys.readouterr().err
     assert main([*words, f"ycbv={copy}"]) == 0
+    assert "taken for the same" not in capsys.readouterr().err
 
 
 def test_weights_without_a_name_are_compared_by_size_alone(

@@ -69,8 +69,7 @@ def run_estimator(
     UnknownNameError
         For a detected object that the estimator does not know.
     MismatchError
-        If the estimator was trained for another dataset, or for an object of another size or frame
-        with the same number.
+        If the estimator was trained for an object of another size or frame with the same number.
     InputError
         If an image cannot be read, or ``out`` cannot be written.
     FormatError
@@ -79,6 +78,14 @@ def run_estimator(
     trained = estimator.network.trained if isinstance(estimator, CropEstimator) else None
     if trained is not None:
         trained.check(dataset, set(detections.obj_id.tolist()))
+        if trained.dataset not in (None, dataset.name):
+            _log.warning(
+                "%s was trained for objects of %s; those of %s have the same numbers, sizes and "
+                "frames, and are taken for the same",
+                trained.source,
+                trained.dataset,
+                dataset.name,
+            )
         if trained.dataset is None:
             _log.warning(
                 "%s does not say which dataset it was trained for: of its objects only sizes and "

@@ -93,8 +93,8 @@ class TrainedObjects:
         Raises
         ------
         MismatchError
-            If the dataset has another name, or an object another diameter (by more than 1 %) or
-            another frame (its box is displaced by more than 2 % of the diameter).
+            If an object has another diameter (by more than 1 %) or another frame (its box is
+            displaced by more than 2 % of the diameter).
         """
         known = [obj_id for obj_id in self.by_id if obj_id in set(obj_ids)]
         for obj_id in known:
@@ -103,12 +103,7 @@ class TrainedObjects:
             apart = abs(mine.diameter_m - info.diameter_m)
             corners = np.stack([mine.lower, mine.lower + mine.size])
             moved = np.abs(corners - np.stack([info.lower, info.lower + info.size])).max()
-            if self.dataset is not None and self.dataset != dataset.name:
-                problem = (
-                    "they are of another dataset. If the datasets have the same models and differ "
-                    f"in name alone, say so: {self.dataset}={dataset.root}"
-                )
-            elif apart > _DIAMETER_SHARE * mine.diameter_m:
+            if apart > _DIAMETER_SHARE * mine.diameter_m:
                 problem = "they differ in diameter, so the object is another one"
             elif moved > _BOX_SHARE * mine.diameter_m:
                 problem = (
