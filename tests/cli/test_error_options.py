@@ -40,6 +40,11 @@ def test_a_deviation_is_above_zero(value: str, capsys: pytest.CaptureFixture[str
     assert "above zero" in capsys.readouterr().err
 
 
+def test_deviations_in_metres_and_radians_are_found_out() -> None:
+    with pytest.raises(InputError, match="are they in metres and radians"):
+        deviations_of(parsed("--deviations", "0.002", "0.008", "0.07"))
+
+
 def test_a_table_and_deviations_exclude_each_other() -> None:
     with pytest.raises(InputError, match="exclude each other"):
         deviations_of(parsed("--deviations", "1", "1", "1", "--covariances", "a.csv"))

@@ -129,6 +129,8 @@ def test_no_file_that_is_read_is_replaced(
     train = ["certify", "--model", str(other), "--estimates", f"a={path}", "--outcomes", str(path)]
     said = refused([*train, "--out", "c.json", "--json", "c.json"], capsys)
     assert "c.json: is given as --out and as --json" in said
+    said = refused([*named, "v2.csv", "--grasps-out", "v2.csv"], capsys)
+    assert "v2.csv: is given as --out and as --grasps-out" in said
     assert (path.read_text(), other.read_text()) == ("verdicts", "outcomes")
 
 

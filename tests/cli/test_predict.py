@@ -364,6 +364,25 @@ def test_what_is_reachable_decides(
     assert "rows 2, 3 are of one grasp" in refused([*command, "--reachable", str(mask)], capsys)
 
 
+def test_rows_of_reachable_grasps_that_are_of_no_instance_are_said(
+    trained: Path, several: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, mask = str(several / "several.npz"), several / "strange.csv"
+    command = forests.predict(trained, several, "--model", model, models=())
+    head, row = "dataset,scene_id,im_id,obj_id,grasp\n", "made,99,0,1,top\n"
+    mask.write_text(head + row)
+    said = refused([*command, "--reachable", str(mask)], capsys)
+    assert (
+        "no row is of an instance with a verdict; the first is of dataset made, scene_id 99" in said
+    )
+    mask.write_text(head + row + "made,0,0,1,top\n")
+    assert main([*command, "--reachable", str(mask)]) == 0
+    assert "1 of 2 instances without a verdict" in capsys.readouterr().err
+    mask.write_text(head)
+    assert main([*command, "--reachable", str(mask)]) == 0
+    assert "no grasp is reachable and every verdict is to abstain" in capsys.readouterr().err
+
+
 def test_a_certificate_is_of_choosing_among_all_grasps(
     trained: Path, several: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -74,6 +74,14 @@ def test_other_pairs_in_the_file_stay(tmp_path: Path) -> None:
     assert {r.grasp.object for r in found} == {"cube", "mug-1"}
 
 
+def test_a_file_that_cannot_be_added_to_is_found_before_the_search(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "found.toml").write_text("[[grasp]]\nobject = 3\n")
+    said = refused(_command(tmp_path, "--from", str(tmp_path / "no.json")), capsys)
+    assert "found.toml, grasp[0]: object should be text" in said
+
+
 def test_what_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "a .png file" in refused(_command(tmp_path, "--picture", "a.jpg"), capsys)
     said = refused(_command(tmp_path, "--unit", "mm"), capsys)

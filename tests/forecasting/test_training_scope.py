@@ -30,6 +30,14 @@ def test_a_method_that_knows_one_grasp_refuses_several(method: str) -> None:
     assert not scope_of(synthetic.training_data(60), method).targets.has_several
 
 
+def test_a_network_does_not_learn_from_simulated_trials_alone() -> None:
+    data = synthetic.training_data(60)
+    nothing = np.full_like(data.own_outcomes, np.nan)
+    only = dataclasses.replace(data, success=nothing, simulated=synthetic.error_outcomes(20, "d-3"))
+    with pytest.raises(InputError, match="the method MLP does not learn from simulated trials"):
+        scope_of(only, "MLP")
+
+
 def test_too_few_outcomes_are_counted_over_all_grasps() -> None:
     data = synthetic.several_grasps(6, 1)
     scope_of(data, "blend")

@@ -57,7 +57,7 @@ def add(verbs: Verbs) -> None:
     )
     verb.add_argument(
         "--up",
-        metavar="X",
+        metavar=("X", "Y", "Z"),
         type=float,
         nargs=3,
         help="direction that points up when the object stands (default: z, or as it lies)",

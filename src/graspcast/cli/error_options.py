@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 __all__ = ["add_covariance", "add_tails", "deviations_of", "drawn_errors", "told_deviations"]
 
+_LEAST_MM = 0.05
+
 
 def add_covariance(verb: argparse.ArgumentParser, what: str) -> None:
     """Add ``--deviations`` and ``--covariances``."""
@@ -86,6 +88,12 @@ def deviations_of(options: argparse.Namespace) -> tuple[float, float, float] | N
             parameters=("deviations", "covariances"),
         )
     across, along, turn = options.deviations
+    if max(across, along) < _LEAST_MM:
+        raise InputError(
+            f"standard deviations of {across:g} and {along:g} mm are less than any estimator's; "
+            "are they in metres and radians? Give millimetres and degrees",
+            parameters=("deviations",),
+        )
     given = across / 1e3, along / 1e3, math.radians(turn)
     check_deviations(*given)
     return given

@@ -45,7 +45,7 @@ def add(verbs: Verbs) -> None:
         metavar="NAME",
         action="append",
         default=[],
-        help="only these, or the .toml file of a custom one; may be repeated",
+        help="name, or the .toml file of a custom one; only these; may be repeated",
     )
     verb.add_argument(
         "--every-grasp",

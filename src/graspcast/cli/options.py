@@ -369,7 +369,8 @@ def check_outputs(options: argparse.Namespace) -> None:
         if path is None:
             continue
         if (other := written.setdefault(path.resolve(), name)) != name:
-            raise InputError(f"{path}: is given as --{other} and as --{name}")
+            both = f"--{other} and as --{name}".replace("_", "-")
+            raise InputError(f"{path}: is given as {both}")
     for name, value in vars(options).items():
         for path in _paths(value) if name not in outputs else ():
             if path.resolve() in written and path.is_file():
@@ -377,7 +378,7 @@ def check_outputs(options: argparse.Namespace) -> None:
                 option = getattr(options, "positional", {}).get(name, option)
                 raise InputError(
                     f"{path}: is read ({option}) and would be replaced "
-                    f"(--{written[path.resolve()]}); write to another file"
+                    f"(--{written[path.resolve()].replace('_', '-')}); write to another file"
                 )
     for name in written.values():
         if name not in getattr(options, "directories", ()):

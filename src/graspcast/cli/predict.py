@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,10 +22,11 @@ from graspcast.cli.options import (
     share,
 )
 from graspcast.cli.view_options import add_policy, motions_of, policy_options
-from graspcast.errors import InputError
+from graspcast.errors import InputError, MismatchError
 from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
+    from graspcast.estimates.instances import InstanceKey
     from graspcast.estimates.loading import Inputs
     from graspcast.forecasting.fallbacks import Fallbacks
     from graspcast.forecasting.verdict import VerdictRow
@@ -156,11 +157,12 @@ def _predict(options: argparse.Namespace) -> None:
         inputs = inputs_with_images(options, used=used)
     else:
         inputs = _transferred(options, models)
+    reachable = None if options.reachable is None else read_reachable(options.reachable)
     how = {
         "threshold": 0.5 if options.threshold is None else options.threshold,
         "certificates": certificates,
         "ood_alpha": options.ood_alpha,
-        "reachable": None if options.reachable is None else read_reachable(options.reachable),
+        "reachable": reachable,
     }
     motions = motions_of(options, inputs)
     inputs.add_notes(one_view_notes(models, options.guide, views=bool(motions)))
@@ -176,6 +178,8 @@ def _predict(options: argparse.Namespace) -> None:
             rows = verdicts_with_views(*given, **how)
     else:
         rows = models.verdict_rows(inputs, explain=options.explain, **how)
+    if reachable is not None:
+        _check_reachable(options.reachable, reachable, rows)
     if options.grasps_out is not None:
         write_grasps_of(options.grasps_out, rows)
     write_verdicts(options.out, rows)
@@ -184,6 +188,35 @@ def _predict(options: argparse.Namespace) -> None:
     _print_counts(options.out, rows)
     for certificate in certificates:
         print_text(str(certificate.overall))
+
+
+def _check_reachable(
+    path: Path, reachable: Mapping[InstanceKey, frozenset[str]], rows: Sequence[VerdictRow]
+) -> None:
+    """Say which instances of the file of reachable grasps have no verdict.
+
+    Raises
+    ------
+    MismatchError
+        If none of them has one.
+    """
+    if not reachable:
+        note(f"{path}: has no rows, so no grasp is reachable and every verdict is to abstain")
+        return
+    known = {row.key for row in rows}
+    strange = [key for key in reachable if key not in known]
+    if not strange:
+        return
+    first = ", ".join(f"{name} {value}" for name, value in strange[0]._asdict().items())
+    if len(strange) == len(reachable):
+        raise MismatchError(
+            f"{path}: no row is of an instance with a verdict; the first is of {first}",
+            parameters=("reachable",),
+        )
+    note(
+        f"{path}: {len(strange)} of {counted(len(reachable), 'instance')} without a verdict; "
+        f"the first is {first}"
+    )
 
 
 def _transferred(options: argparse.Namespace, models: Fallbacks) -> Inputs:

@@ -23,6 +23,7 @@ from graspcast.cli.options import (
 )
 from graspcast.cli.protocol_options import add_protocol, settings_of
 from graspcast.errors import InputError
+from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -56,7 +57,10 @@ def add(verbs: Verbs) -> None:
     )
     verb.add_argument("--catalogue", metavar="FILE", type=Path, help="own objects (TOML)")
     verb.add_argument(
-        "--grasps", metavar="FILE", type=Path, help="own grasps (TOML), which are tried too"
+        "--grasps",
+        metavar="FILE",
+        type=Path,
+        help="own grasps (TOML): those of the object by the gripper are tried too",
     )
     add_bop(verb)
     add_estimates(verb, required=False, built_in=True)
@@ -87,8 +91,9 @@ def _add_import(verb: argparse.ArgumentParser) -> None:
         dest="poses",
         metavar="FILE",
         type=Path,
-        help="instead of proposals, grasps of another program: GraspGen's .json, a .json list of\n"
-        "4x4 matrices, or a .csv of 16 numbers a row, each the hand's pose in the mesh's frame",
+        help="instead of proposals, grasps of another program: GraspGen's .json, an Isaac grasp\n"
+        "file as .json, a .json list of 4x4 matrices, or a .csv of 16 numbers a row, each the\n"
+        "hand's pose in the mesh's frame",
     )
     verb.add_argument(
         "--frame",
@@ -98,9 +103,15 @@ def _add_import(verb: argparse.ArgumentParser) -> None:
         "checked by simulation (default: graspgen for GraspGen's files, else tcp)",
     )
     verb.add_argument(
-        "--closing", choices=("x", "y"), default="x", help="axis of the closing (default: x)"
+        "--closing",
+        choices=("x", "y"),
+        default="x",
+        help="axis of these poses along which the fingers close (default: x; with --frame base\n"
+        "it is the model's)",
     )
-    verb.add_argument("--unit", choices=("m", "mm"), default="m", help="of positions (default: m)")
+    verb.add_argument(
+        "--unit", choices=("m", "mm"), default="m", help="unit of their positions (default: m)"
+    )
 
 
 def _factor(text: str) -> float:
@@ -124,6 +135,7 @@ def _propose_grasps(options: argparse.Namespace) -> None:
 
     if options.picture is not None and options.picture.suffix.lower() != ".png":
         raise InputError(f"{options.picture}: a picture is a .png file", parameters=("picture",))
+    written = grasps_in(options.out) if options.out.exists() else []  # so that bad files are found
     errors, bop_dirs = _errors_of(options)
     gripper = load_gripper(options.gripper)
     target = load_object(
@@ -155,11 +167,12 @@ def _propose_grasps(options: argparse.Namespace) -> None:
         )
     entries = _entries(found, known, guiding.told)
     _print(found, {reference.grasp.name for reference in known})
-    others = grasps_in(options.out) if options.out.exists() else []
+    if written:
+        written = grasps_in(options.out)  # which another process may have changed
     pair = (target.name, gripper.name)
-    others = [r for r in others if (r.grasp.object, r.grasp.gripper) != pair]
+    others = [r for r in written if (r.grasp.object, r.grasp.gripper) != pair]
     write_grasps(options.out, [*others, *entries])
-    told = f"{options.out}: {len(entries)} grasps"
+    told = f"{options.out}: {counted(len(entries), 'grasp')}"
     print_text(told + (f", beside {len(others)} of other pairs" if others else ""))
     write_json(options.json, _as_dict(found, guiding.told))
     if options.picture is not None:
@@ -228,7 +241,9 @@ def _imported(options: argparse.Namespace) -> ImportedPoses | None:
     poses = read_grasp_poses(options.poses)
     usual: Frame = "graspgen" if poses.form == "GraspGen" else "tcp"
     read_as = PoseFrame(options.frame or usual, options.closing, options.unit)
-    note(*poses.notes, f"{options.poses}: {len(poses)} grasps, read as {read_as.words()}")
+    note(
+        *poses.notes, f"{options.poses}: {counted(len(poses), 'grasp')}, read as {read_as.words()}"
+    )
     return ImportedPoses(poses, read_as)
 
 

@@ -51,7 +51,7 @@ def add(verbs: Verbs) -> None:
         metavar="NAME",
         action="append",
         required=True,
-        help="parallel, underactuated, or the .toml file of a custom one; may be repeated",
+        help="name, or the .toml file of a custom one; may be repeated",
     )
     verb.add_argument(
         "--transferred-errors",
@@ -139,7 +139,7 @@ def _requests(
     objects = options.objects or inputs.objects
     if not objects:
         raise InputError("name the objects of the trials", parameters=("objects",))
-    pairs = grasps.pairs(objects, grippers, strict=bool(options.objects))
+    pairs = grasps.pairs(objects, grippers, strict=_strict(options))
     lacking = sorted({(o, g) for o in objects for g in grippers} - set(pairs))
     if lacking:
         names = ", ".join(f"{name} by {gripper}" for name, gripper in lacking)
@@ -239,7 +239,11 @@ def _sources(inputs: Inputs, errors: PoseErrors | None) -> dict[str, str]:
 def _print_outcomes(outcomes: DataFrame) -> None:
     """Print the reasons of each grasp, and which of them mostly collide."""
     from graspcast.estimates.outcomes import REFERENCE_GRASP
-    from graspcast.simulation.campaign.campaign import mostly_collided, reason_counts
+    from graspcast.simulation.campaign.campaign import (
+        always_missed,
+        mostly_collided,
+        reason_counts,
+    )
 
     counts = reason_counts(outcomes)
     if counts["grasp"].unique().to_list() == [REFERENCE_GRASP]:
@@ -255,4 +259,9 @@ def _print_outcomes(outcomes: DataFrame) -> None:
         note(
             f"most trials collide: {', '.join(often)}; graspcast grasps shows whether the "
             "grasp does so with a perfect estimate"
+        )
+    if never := always_missed(counts):
+        note(
+            f"every trial misses: {', '.join(never)}; is the grasp the pose of the tool centre "
+            "point, not of the gripper's base? graspcast grasps shows it"
         )

@@ -60,7 +60,7 @@ def add(verbs: Verbs) -> None:
         metavar="N",
         type=positive,
         default=24,
-        help="in each direction; 16 times as many in all (default: 24)",
+        help="in each direction, at least 8; 16 times as many in all (default: 24)",
     )
     verb.add_argument("--seed", metavar="N", type=count, default=0, help="random seed (default: 0)")
     add_json(verb)

@@ -56,6 +56,12 @@ def scope_of(data: TrainingData, method: str) -> Scope:
     from_forests = method in FOREST_METHODS
     if data.views is None or not from_forests:
         check_alone(data, method)
+    if data.simulated is not None and not from_forests and not data.is_tried.any():
+        raise InputError(
+            f"the method {method} does not learn from simulated trials, and there are no other "
+            f"outcomes; {', '.join(FOREST_METHODS)} do",
+            parameters=("method", "simulated"),
+        )
     if not data.has_truth.any() and (method == "two-stage" or data.simulated is not None):
         raise InputError(
             "the method two-stage, and simulated trials with any method, need ground truth, but no "

@@ -15,7 +15,12 @@ import polars as pl
 import pytest
 
 import graspcast.errors
-from graspcast.simulation.campaign.campaign import mostly_collided, reason_counts, run_campaign
+from graspcast.simulation.campaign.campaign import (
+    always_missed,
+    mostly_collided,
+    reason_counts,
+    run_campaign,
+)
 from graspcast.simulation.campaign.executors import LocalExecutor
 from graspcast.simulation.campaign.jobs import TrialSetup
 from graspcast.simulation.campaign.requests import SetupKey, TrialRequests
@@ -105,6 +110,11 @@ def test_pairs_of_which_most_trials_collide_are_named() -> None:
     assert mostly_collided(reason_counts(outcomes)) == ["a by parallel"]
     held = outcomes.filter(pl.col("reason") == "held")
     assert mostly_collided(reason_counts(held)) == []
+    assert always_missed(reason_counts(outcomes)) == []
+    missed = outcomes.with_columns(
+        reason=pl.when(pl.col("object") == "a").then(pl.lit("missed")).otherwise("reason")
+    )
+    assert always_missed(reason_counts(missed)) == ["a by parallel"]
 
 
 @pytest.mark.slow

@@ -170,6 +170,8 @@ def test_what_is_refused_and_what_is_no_estimate(dataset: BopDataset) -> None:
     with pytest.raises(InputError, match="'mug' has no number"):
         errors = PoseErrors.of_estimates({"made": {"a": table}}, {"made": dataset})
         trials_from_transferred_errors(errors, [grasp_of("mug")], count=1)
+    with pytest.raises(InputError, match="1,000,000,000 trials of each of 1 grasp are too many"):
+        transferred_errors(dataset, table, 1, count=10**9)
     only = table.select(table.obj_id == 2)
     with pytest.raises(MismatchError, match="no errors to transfer to made-2"):
         transferred_errors(dataset, only, 2)

@@ -81,6 +81,22 @@ def test_rounded_rotations_are_made_exact(tmp_path: Path) -> None:
         ({"grasps": {"transforms": POSES.tolist(), "object_in_gripper": [True]}}, "2 transforms"),
         ({"grasps": {"transforms": POSES.tolist(), "object_in_gripper": [0, 0]}}, "no grasp"),
         ([], "holds no grasp"),
+        ([POSES[0, :3].tolist()], "grasp 0: has 12 numbers; a 4x4 matrix is needed"),
+        (POSES[0].tolist(), "holds one 4x4 matrix"),
+        ([[1, [2]], "a", {}], "grasp 0: should be 16 finite numbers"),
+        ({"grasps": {"object_in_gripper": [True]}}, "grasps: no 'transforms'"),
+        (
+            {"grasps": {"transforms": POSES.tolist(), "object_in_gripper": [True, "false"]}},
+            r"object_in_gripper\[1\]: 'false' is neither true nor false",
+        ),
+        (
+            {"grasps": {"a": {"position": [0, 0, 0], "orientation": {"w": 0, "xyz": 5}}}},
+            r"grasps.a.orientation.xyz: should be 3 finite numbers",
+        ),
+        (
+            {"grasps": {"a": {"position": [0, 0], "orientation": {"w": 0, "xyz": [0, 0, 1]}}}},
+            "grasps.a.position: should be 3 finite numbers",
+        ),
     ],
 )
 def test_what_is_wrong_is_named(content: object, said: str, tmp_path: Path) -> None:
@@ -96,3 +112,14 @@ def test_other_files(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("1,2\n", encoding="utf-8")
     with pytest.raises(FormatError, match="line 1: should be 16"):
         read_grasp_poses(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("mark", [";", " "])
+def test_no_row_of_a_csv_file_is_taken_for_names(mark: str, tmp_path: Path) -> None:
+    row = mark.join(map(str, POSES[0].ravel()))
+    (tmp_path / "a.csv").write_text(f"{row}\n{row}\n", encoding="utf-8")
+    with pytest.raises(FormatError, match="line 1: should be 16"):
+        read_grasp_poses(tmp_path / "a.csv")
+    (tmp_path / "b.csv").write_text("x" + row.replace(mark, ",") + "\n", encoding="utf-8")
+    with pytest.raises(FormatError, match="line 1: should be 16"):
+        read_grasp_poses(tmp_path / "b.csv")

@@ -9,7 +9,7 @@ import pytest
 from numpy import ndarray
 
 from bricks import brick, from_top
-from graspcast.errors import MismatchError
+from graspcast.errors import InputError, MismatchError
 from graspcast.pose.transforms import invert
 from graspcast.simulation.grasps.pose_frames import PoseFrame, check_pose_frame
 from graspcast.simulation.grasps.trial_pool import TrialPool
@@ -103,6 +103,11 @@ def test_a_wrong_frame_is_found_out(how: str, said: str, parameters: tuple[str, 
     assert raised.value.parameters == parameters
 
 
+def test_no_closing_axis_is_stated_of_poses_of_the_base() -> None:
+    with pytest.raises(InputError, match="leave out the closing axis"):
+        PoseFrame("base", closing="y")
+
+
 def test_grasps_of_something_else() -> None:
     away = GOOD.copy()
     away[:, 0, 3] += 0.4
@@ -112,6 +117,7 @@ def test_grasps_of_something_else() -> None:
 
 def test_metres_read_as_millimetres() -> None:
     # All hands would be at the box's middle, where some hold it.
-    with pytest.raises(MismatchError, match="tool centre point in metres, 3 hold") as raised:
+    said = r"tool centre point in metres, 3 hold: say so, if that is what they are \(unit m\)"
+    with pytest.raises(MismatchError, match=said) as raised:
         check_pose_frame(_pool(), GOOD, PoseFrame(unit="mm"))
     assert raised.value.parameters == ("unit",)

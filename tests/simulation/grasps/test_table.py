@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.pose.transforms import exp
-from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp, read_grasps, write_grasps
+from graspcast.simulation.grasps.table import (
+    GraspTable,
+    ReferenceGrasp,
+    grasps_in,
+    read_grasps,
+    write_grasps,
+)
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.objects.catalogue import read_catalogue
 from graspcast.simulation.objects.load import load_object
@@ -114,6 +120,13 @@ def test_a_pairs_own_friction_and_mass() -> None:
         ('provenance = "by hand"', 'provenance = ""\nmasss_kg = 1', "did you mean 'mass_kg'"),
         ('provenance = "by hand"', 'provenance = ""\nagreement.a = [1]', "agreement.a should be"),
         ("[[grasp]]", "[[grip]]", "unknown key 'grip'"),
+        ('provenance = "by hand"', 'provenance = ""\nfriction = 80', "friction is 80.0, .* 0 to 3"),
+        (
+            'provenance = "by hand"',
+            'provenance = ""\nname = ""',
+            r"mine.toml, grasp\[0\].* named ''",
+        ),
+        ('provenance = "by hand"', 'provenance = ""\nname = "a\\nb"', "without line breaks"),
         ("[[grasp]]", ENTRY + "[[grasp]]", "there are two grasps of 'mug' by 'parallel'"),
     ],
 )
@@ -124,6 +137,18 @@ def test_a_file_that_is_wrong(tmp_path: Path, old: str, new: str, message: str) 
 
 
 @pytest.mark.ill_typed
+def test_pairs_without_a_grasp_are_told_what_there_is(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(ENTRY)
+    table = GraspTable(grasps_in(tmp_path / "mine.toml"))
+    for objects, grippers, there in (
+        (["mug"], ["jaws"], "there are grasps of mug by parallel"),
+        (["cup"], ["parallel"], "there are grasps of mug by parallel"),
+        (["cup"], ["jaws"], "there is no other grasp"),
+    ):
+        with pytest.raises(InputError, match=rf"no grasp of {objects[0]} by .*; {there}\."):
+            table.pairs(objects, grippers, strict=True)
+
+
 def test_figures_are_numbers_or_text(tmp_path: Path) -> None:
     grasp = Grasp(np.eye(4), "mug", "parallel")
     with pytest.raises(InputError, match="'kappa' is None"):

@@ -27,6 +27,7 @@ def test_the_catalogue_has_the_papers_objects_with_their_sources() -> None:
         ("mass_kg = 0.3", "mass_kg = 0", r"objects.mug: mass_kg is 0.0, and must be .* above zero"),
         ("friction = 0.6", "friction = -1", "friction is -1.0"),
         ("friction = 0.6", "friction = nan", "friction is nan"),
+        ("friction = 0.6", "friction = 60", "friction is 60.0, .* from 0 to 3"),
         ("mass_kg = 0.3", "mass_kg = 'heavy'", "mass_kg should be a number, not 'heavy'"),
         ("mass_kg = 0.3", "", "mass_kg is missing"),
         ("mass_kg = 0.3", "mass_kg = 0.3\nmas = 1", r"unknown key 'mas' \(did you mean"),

@@ -29,7 +29,7 @@ from graspcast.simulation.campaign.requests import SetupKey, TrialRequests
 from graspcast.simulation.campaign.store import COLUMNS, Store
 from graspcast.simulation.trial.trial import Outcome
 
-__all__ = ["mostly_collided", "reason_counts", "run_campaign"]
+__all__ = ["always_missed", "mostly_collided", "reason_counts", "run_campaign"]
 
 _BATCH_SIZE = 16
 _SETUP = ("object", "gripper", "grasp")
@@ -126,6 +126,14 @@ def mostly_collided(counts: pl.DataFrame) -> list[str]:
     total = pl.sum_horizontal(pl.exclude(*_SETUP, "success"))
     often = counts.filter(pl.col("collided") > total / 2)
     return [_named(key) for key in often.select(_SETUP).rows()]
+
+
+def always_missed(counts: pl.DataFrame) -> list[str]:
+    """Return the grasps that missed the object in every trial, as :func:`mostly_collided` does."""
+    if "missed" not in counts.columns:
+        return []
+    total = pl.sum_horizontal(pl.exclude(*_SETUP, "success"))
+    return [_named(key) for key in counts.filter(pl.col("missed") == total).select(_SETUP).rows()]
 
 
 def _manifest(

@@ -13,6 +13,7 @@ import numpy as np
 import polars as pl
 
 from graspcast.errors import InputError, MismatchError
+from graspcast.io.wording import counted
 from graspcast.pose.ray_frame import error_along
 from graspcast.pose.transforms import rotation_from_quaternion
 from graspcast.simulation.campaign.pose_errors import PoseErrors
@@ -20,6 +21,8 @@ from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.objects.types import Grasp
 
 __all__ = ["TRANSFERRED", "trials_from_transferred_errors"]
+
+_MOST_TRIALS = 1_000_000
 
 TRANSFERRED = "transferred"
 """Value of the column ``estimator`` in such trials."""
@@ -50,12 +53,18 @@ def trials_from_transferred_errors(
     Raises
     ------
     InputError
-        If ``count`` is below 1.
+        If ``count`` is below 1, or makes more trials than any computer runs.
     MismatchError
         If there is no error of another object.
     """
     if count < 1:
         raise InputError(f"count is {count}; give at least 1", parameters=("transferred_errors",))
+    if count * len(grasps) > _MOST_TRIALS:
+        raise InputError(
+            f"{count:,} trials of each of {counted(len(grasps), 'grasp')} are too many; "
+            f"give fewer, {_MOST_TRIALS:,} in all at most",
+            parameters=("transferred_errors",),
+        )
     keys, poses = [], []
     for grasp in grasps:
         name, gripper = grasp.object, grasp.gripper

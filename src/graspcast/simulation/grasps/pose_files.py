@@ -86,9 +86,9 @@ def read_grasp_poses(path: str | PathLike[str]) -> GraspPoses:
 def _of_csv(path: Path) -> GraspPoses:
     matrices, names = [], []
     for line, row in enumerate(csv.reader(read_text(path).splitlines()), start=1):
-        if not row or (line == 1 and not _is_number(row[0])):
+        if not row or (line == 1 and len(row) > 1 and not any(map(_is_number, row))):
             continue
-        matrices.append(numbers(row, (4, 4), path, f"line {line}"))
+        matrices.append(_matrix(row, path, f"line {line}"))
         names.append(f"line {line}")
     return GraspPoses(_rigid(matrices, names, path), tuple(names), "table")
 
@@ -97,7 +97,7 @@ def _of_json(path: Path) -> GraspPoses:
     content = read_json(path, object)
     if isinstance(content, Mapping):
         grasps = require(content, "grasps", path, "the file")
-        if isinstance(grasps, Mapping) and "transforms" in grasps:
+        if isinstance(grasps, Mapping) and grasps.keys() & {"transforms", "object_in_gripper"}:
             return _of_graspgen(content, grasps, path)
         if isinstance(grasps, Mapping):
             return _of_isaac(grasps, path)
@@ -105,12 +105,14 @@ def _of_json(path: Path) -> GraspPoses:
     if not isinstance(content, list):
         raise FormatError(path, "should hold a list of 4x4 matrices, or an object with grasps")
     names = [f"grasp {k}" for k in range(len(content))]
-    matrices = [numbers(m, (4, 4), path, n) for m, n in zip(content, names, strict=True)]
+    if _shape(content) == (4, 4):
+        raise FormatError(path, "holds one 4x4 matrix; put it into a list of matrices")
+    matrices = [_matrix(m, path, n) for m, n in zip(content, names, strict=True)]
     return GraspPoses(_rigid(matrices, names, path), tuple(names), "table")
 
 
 def _of_graspgen(content: Mapping[str, Any], grasps: Mapping[str, Any], path: Path) -> GraspPoses:
-    listed = grasps["transforms"]
+    listed = require(grasps, "transforms", path, "grasps")
     held = grasps.get("object_in_gripper")
     for key, value in (("transforms", listed), ("object_in_gripper", held)):
         if value is not None and not isinstance(value, list):
@@ -119,6 +121,11 @@ def _of_graspgen(content: Mapping[str, Any], grasps: Mapping[str, Any], path: Pa
         raise FormatError(
             path, f"lists {len(listed)} transforms, but {len(held)} values of object_in_gripper"
         )
+    for k, value in enumerate(held or ()):
+        if value not in (True, False):  # 1 and 0 too
+            raise FormatError(
+                path, f"{value!r} is neither true nor false", where=f"grasps.object_in_gripper[{k}]"
+            )
     rows = [k for k in range(len(listed)) if held is None or held[k]]
     notes = []
     if len(rows) < len(listed):
@@ -129,7 +136,7 @@ def _of_graspgen(content: Mapping[str, Any], grasps: Mapping[str, Any], path: Pa
     if scale != 1.0:
         notes.append(f"the grasps are of a mesh scaled by {scale}; is the object's so too?")
     names = [f"grasp {k}" for k in rows]
-    matrices = [numbers(listed[k], (4, 4), path, f"grasps.transforms[{k}]") for k in rows]
+    matrices = [_matrix(listed[k], path, f"grasps.transforms[{k}]") for k in rows]
     return GraspPoses(_rigid(matrices, names, path), tuple(names), "GraspGen", tuple(notes))
 
 
@@ -137,15 +144,33 @@ def _of_isaac(grasps: Mapping[str, Any], path: Path) -> GraspPoses:
     matrices = []
     for name, entry in grasps.items():
         where = f"grasps.{name}"
-        position = numbers(require(entry, "position", path, where), (3,), path, where)
+        position = require(entry, "position", path, where)
+        position = numbers(position, (3,), path, f"{where}.position")
         turn = require(entry, "orientation", path, where)
-        wxyz = [require(turn, "w", path, where), *require(turn, "xyz", path, where)]
-        q = numbers(wxyz, (4,), path, where)
+        w = numbers(require(turn, "w", path, where), (1,), path, f"{where}.orientation.w")
+        xyz = numbers(require(turn, "xyz", path, where), (3,), path, f"{where}.orientation.xyz")
+        q = np.concatenate([w, xyz])
         if abs(np.linalg.norm(q) - 1) > _RIGID:
             raise FormatError(path, "the orientation has not length 1", where=where)
         matrices.append(transform(rotation_from_quaternion(q), position))
     names = list(grasps)
     return GraspPoses(_rigid(matrices, names, path), tuple(names), "Isaac grasp")
+
+
+def _matrix(value: Any, path: Path, where: str) -> Float[ndarray, "4 4"]:
+    if np.prod(_shape(value)) == 12:
+        raise FormatError(
+            path, "has 12 numbers; a 4x4 matrix is needed, with the last row 0 0 0 1", where=where
+        )
+    return numbers(value, (4, 4), path, where)
+
+
+def _shape(value: Any) -> tuple[int, ...]:
+    """Return the shape of numbers in nested lists; (0,) of anything else."""
+    try:
+        return np.array(value, dtype=np.float64).shape
+    except (TypeError, ValueError, OverflowError):
+        return (0,)
 
 
 def _rigid(

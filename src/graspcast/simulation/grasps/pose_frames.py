@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.errors import MismatchError
+from graspcast.errors import InputError, MismatchError
 from graspcast.io.wording import counted
 from graspcast.pose.transforms import invert
 from graspcast.simulation.grasps.trial_pool import TrialPool
@@ -47,13 +47,19 @@ class PoseFrame:
         ``tcp``: the gripper's tool centre point. ``base``: its base, with the axes of its model.
         ``graspgen``: the base's origin, with the axes of the tool centre point.
     closing
-        Axis of the pose along which the fingers close; of ``base`` that is the model's matter.
+        Axis of the pose along which the fingers close; left at ``x`` for ``base``, whose axes are
+        the model's.
     unit
         Unit of positions, ``m`` or ``mm``.
     backwards
         Whether z points back from the object to the palm.
     inverted
         Whether the poses are those of the object in the hand's frame.
+
+    Raises
+    ------
+    InputError
+        If a closing axis is given for ``base``.
     """
 
     frame: Frame = "tcp"
@@ -61,6 +67,14 @@ class PoseFrame:
     unit: Literal["m", "mm"] = "m"
     backwards: bool = False
     inverted: bool = False
+
+    def __post_init__(self) -> None:
+        if self.frame == "base" and self.closing != "x":
+            raise InputError(
+                "the fingers close as the gripper's model has it, where poses are of its base; "
+                "leave out the closing axis",
+                parameters=("frame", "closing"),
+            )
 
     def obj_T_grasp(
         self, poses: Float[ndarray, "n 4 4"], gripper: Gripper
@@ -141,7 +155,7 @@ def check_pose_frame(
         how = f"only {held} of {tried}" if held else f"none of {tried}"
         raise MismatchError(
             f"read as {stated.words()}, {how} {what} the object at its true pose; read as "
-            f"{best.words()}, {most} hold" + _convert(best),
+            f"{best.words()}, {most} hold" + _convert(stated, best),
             parameters=_to_say(stated, best),
         )
     if not _touching(reasons):
@@ -198,19 +212,12 @@ def _to_say(stated: PoseFrame, best: PoseFrame) -> tuple[str, ...]:
     )
 
 
-def _convert(best: PoseFrame) -> str:
+def _convert(stated: PoseFrame, best: PoseFrame) -> str:
     """Say what must be done to poses that no option describes."""
     if not (best.backwards or best.inverted):
-        return f": say so, if that is what they are ({_terms(best)})"
+        return f": say so, if that is what they are ({_terms(stated, best)})"
     return "; convert them and write them to another file"
 
 
-def _terms(frame: PoseFrame) -> str:
-    plain = PoseFrame()
-    parts = [f"frame {frame.frame}"]
-    parts += [
-        f"{name} {getattr(frame, name)}"
-        for name in ("closing", "unit")
-        if getattr(frame, name) != getattr(plain, name)
-    ]
-    return ", ".join(parts)
+def _terms(stated: PoseFrame, best: PoseFrame) -> str:
+    return ", ".join(f"{name} {getattr(best, name)}" for name in _to_say(stated, best))

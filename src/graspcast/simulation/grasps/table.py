@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from os import PathLike
@@ -19,7 +19,12 @@ from graspcast.io.files import write_text
 from graspcast.io.toml import TomlTable, read_toml
 from graspcast.pose.transforms import quaternion, rotation_from_quaternion, transform
 from graspcast.simulation.objects.load import with_physics
-from graspcast.simulation.objects.plausibility import check_density, check_grasp_is_near
+from graspcast.simulation.objects.plausibility import (
+    FRICTION_IN_WORDS,
+    check_density,
+    check_grasp_is_near,
+    is_friction,
+)
 from graspcast.simulation.objects.types import Grasp, GraspObject
 from graspcast.simulation.trial.settings import Protocol
 
@@ -67,7 +72,11 @@ class ReferenceGrasp:
         if self.mass_kg is not None and grasp_object.volume_m3 > 0:
             across = float(np.ptp(grasp_object.vertices, axis=0).max())
             check_density(
-                f"the grasp of {self.grasp}", self.mass_kg, grasp_object.volume_m3, across
+                f"the grasp of {self.grasp}",
+                self.mass_kg,
+                grasp_object.volume_m3,
+                across,
+                parameters=("grasps",),
             )
         return with_physics(grasp_object, mass_kg=self.mass_kg, friction=self.friction)
 
@@ -187,8 +196,12 @@ class GraspTable:
         known = [pair for pair in pairs if pair in self]
         if not known or (strict and len(known) < len(pairs)):
             lacking = ", ".join(f"{o} by {g}" for o, g in pairs if (o, g) not in self)
+            named = {name for name, _ in pairs}
+            near = [f"{o} by {g}" for o, g in self._grasps if o in named]
+            there = near or [f"{o} by {g}" for o, g in self._grasps if g in grippers]
+            told = f"there are grasps of {', '.join(there)}" if there else "there is no other grasp"
             raise InputError(
-                f"no grasp of {lacking}; an object of a dataset is named DATASET-NUMBER, "
+                f"no grasp of {lacking}; {told}. An object of a dataset is named DATASET-NUMBER, "
                 "in grasps and catalogue too; graspcast propose-grasps finds grasps",
                 parameters=("objects", "grasps"),
             )
@@ -264,24 +277,22 @@ def _entry(table: TomlTable) -> ReferenceGrasp:
     if abs(np.linalg.norm(wxyz) - 1) > 1e-3:
         raise table.error("quaternion", f"has length {np.linalg.norm(wxyz):.4g}, not 1")
 
-    def optional(key: str, at_least: str) -> float | None:
+    def optional(key: str, holds: Callable[[float], bool], condition: str) -> float | None:
         if key not in table.values:
             table.take(key, float, None)
             return None
-        return table.number(
-            key, lambda x: x > 0 or (at_least == "not negative" and x == 0), at_least
-        )
+        return table.number(key, holds, condition)
 
+    pose = transform(rotation_from_quaternion(wxyz), position)
+    try:
+        grasp = Grasp(obj_T_grasp=pose, object=object_name, gripper=gripper, name=name)
+    except InputError as error:
+        raise FormatError(table.path, str(error), where=table.where) from error
     reference = ReferenceGrasp(
-        grasp=Grasp(
-            obj_T_grasp=transform(rotation_from_quaternion(wxyz), position),
-            object=object_name,
-            gripper=gripper,
-            name=name,
-        ),
+        grasp=grasp,
         provenance=table.take("provenance", str),
-        mass_kg=optional("mass_kg", "above zero"),
-        friction=optional("friction", "not negative"),
+        mass_kg=optional("mass_kg", lambda x: x > 0, "above zero"),
+        friction=optional("friction", is_friction, FRICTION_IN_WORDS),
         agreement=dict(table.take("agreement", dict, {})),
     )
     table.nothing_else()

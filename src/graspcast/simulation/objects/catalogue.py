@@ -15,6 +15,7 @@ from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.io.toml import TomlTable, read_toml
 from graspcast.pose.transforms import rotation_from_quaternion, transform
 from graspcast.simulation.objects.decomposition import Decomposition
+from graspcast.simulation.objects.plausibility import FRICTION_IN_WORDS, is_friction
 from graspcast.simulation.objects.types import Primitive
 
 __all__ = ["Catalogue", "ObjectEntry", "objects_in", "read_catalogue"]
@@ -167,7 +168,7 @@ def _entry(path: Path, name: str, table: Any) -> ObjectEntry:
         label=reader.take("label", str, name),
         mass_kg=reader.number("mass_kg", lambda x: x > 0, "above zero"),
         mass_source=reader.take("mass_source", str),
-        friction=reader.number("friction", lambda x: x >= 0, "not negative"),
+        friction=reader.number("friction", is_friction, FRICTION_IN_WORDS),
         friction_source=reader.take("friction_source", str),
         up=tuple(reader.numbers("up", 3)),
         collision=_collision(reader),

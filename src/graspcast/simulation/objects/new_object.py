@@ -28,17 +28,14 @@ from graspcast.simulation.objects.meshes import (
     read_mesh,
     read_mesh_and_unit,
 )
-from graspcast.simulation.objects.plausibility import DENSITIES, check_diameter
+from graspcast.simulation.objects.plausibility import DENSITIES, FRICTIONS, check_diameter
 from graspcast.simulation.objects.rest_pose import LARGEST_TILT_RAD, stable_ups
 from graspcast.simulation.objects.surface import Surface
 from graspcast.simulation.objects.symmetries import Symmetries, find_symmetries
 from graspcast.simulation.objects.symmetry_names import stated_symmetries
 from graspcast.simulation.objects.types import GraspObject
 
-__all__ = ["FRICTIONS", "NewObject", "Told", "check_mesh", "make_object"]
-
-FRICTIONS = (0.05, 3.0)
-"""Range of coefficients of friction that are accepted."""
+__all__ = ["NewObject", "Told", "check_mesh", "make_object"]
 
 _USUAL_M = (0.01, 0.5)
 _FLAT = 1e-6

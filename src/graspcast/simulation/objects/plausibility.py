@@ -18,6 +18,8 @@ from graspcast.simulation.objects.types import ConvexPiece, Grasp, GraspObject, 
 
 __all__ = [
     "DENSITIES",
+    "FRICTIONS",
+    "FRICTION_IN_WORDS",
     "GRASPABLE",
     "by_sides",
     "check_density",
@@ -26,6 +28,7 @@ __all__ = [
     "check_primitives",
     "density_of",
     "describe_object",
+    "is_friction",
 ]
 
 _USUAL_SIZES = (0.01, 0.5)
@@ -36,13 +39,31 @@ GRASPABLE = Reference("a hand grasps objects of 5 mm to 1 m", 0.005, 1.0, _USUAL
 DENSITIES = (20.0, 25_000.0)
 """Range of the mean density of an object, kg/m3: from foam to the densest metals."""
 
+FRICTIONS = (0.05, 3.0)
+"""Range of coefficients of friction, from ice to soft rubber."""
+
+FRICTION_IN_WORDS = f"from 0 to {FRICTIONS[1]:g} (soft rubber)"
+"""What :func:`is_friction` demands, for messages."""
+
 _USUAL_DENSITIES = (60.0, 12_000.0)
 _FARTHEST_GRASP_M, _NEAR_GRASP_M = 0.25, 0.02
 _SLACK_M = 0.005
 _SIDES = (0.4, 1.6)
 
 
-def check_density(what: str, mass_kg: float, volume_m3: float, size_m: float) -> None:
+def is_friction(value: float) -> bool:
+    """Return whether a number may be a coefficient of friction; 0 may."""
+    return 0 <= value <= FRICTIONS[1]
+
+
+def check_density(
+    what: str,
+    mass_kg: float,
+    volume_m3: float,
+    size_m: float,
+    *,
+    parameters: tuple[str, ...] = ("catalogue", "mass", "unit"),
+) -> None:
     """Check that mass and volume of an object give a density that exists.
 
     Parameters
@@ -53,6 +74,8 @@ def check_density(what: str, mass_kg: float, volume_m3: float, size_m: float) ->
         Mass and enclosed volume.
     size_m
         Largest side of its bounding box, by which units that cannot be are left out.
+    parameters
+        By which to mend it.
 
     Raises
     ------
@@ -76,7 +99,7 @@ def check_density(what: str, mass_kg: float, volume_m3: float, size_m: float) ->
         f"{_grouped(density)} kg/m³, but objects have {_grouped(DENSITIES[0])} to "
         f"{_grouped(DENSITIES[1])} kg/m³; "
         + (f"is {' or '.join(meant)}?" if meant else "correct the mass or the mesh's unit"),
-        parameters=("catalogue", "mass", "unit"),
+        parameters=parameters,
     )
 
 

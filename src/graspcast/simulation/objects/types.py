@@ -145,10 +145,10 @@ class Grasp:
 
     def __post_init__(self) -> None:
         check_rigid(self.obj_T_grasp, f"the grasp of {self}")
-        if not self.name or self.name != self.name.strip():
+        if not self.name or self.name != self.name.strip() or not self.name.isprintable():
             raise InputError(
                 f"a grasp of {self.object!r} by {self.gripper!r} is named {self.name!r}; give a "
-                "name without spaces around it"
+                "name without line breaks, and without spaces around it"
             )
 
     def __str__(self) -> str:
