@@ -78,7 +78,7 @@ def test_published_trials_stopped_early_have_the_labels_of_the_full_lift(data: P
     assert len(chosen) == 29
     differing = []
     for pair, rows in chosen.items():
-        setup = setups[pair]
+        setup = setups[(*pair, "reference")]
         for settings in (TrialSettings.paper(), setup.settings):
             runner = replace(setup, settings=settings).runner()
             for row in rows:
