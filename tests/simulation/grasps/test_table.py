@@ -204,3 +204,10 @@ def test_a_table_may_be_limited_to_names_and_to_the_first_few(tmp_path: Path) ->
     assert ("mug", "parallel") not in table.limited(["reference"])
     with pytest.raises(UnknownNameError, match="unknown grasp 'd'; known: a, b, c, reference"):
         table.limited(["d"])
+
+
+def test_no_file_is_written_that_could_not_be_read(tmp_path: Path) -> None:
+    twice = [_reference((0.0,) * 6), _reference((0.1,) * 6)]
+    with pytest.raises(InputError, match="there are two grasps of 'mug' by 'parallel'"):
+        write_grasps(tmp_path / "mine.toml", twice)
+    assert not (tmp_path / "mine.toml").exists()
