@@ -96,6 +96,7 @@ def test_a_gripper_of_the_menagerie() -> None:
     assert found.ranked[0].rate > 0.5
 
 
+@pytest.mark.ill_typed
 def test_known_grasps_are_of_the_pair_and_errors_have_their_shape() -> None:
     hand = load_gripper("parallel")
     other = Grasp(np.eye(4), "mug-1", "parallel")
