@@ -136,7 +136,6 @@ def test_a_file_that_is_wrong(tmp_path: Path, old: str, new: str, message: str) 
         read_grasps(tmp_path / "mine.toml")
 
 
-@pytest.mark.ill_typed
 def test_pairs_without_a_grasp_are_told_what_there_is(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(ENTRY)
     table = GraspTable(grasps_in(tmp_path / "mine.toml"))
@@ -149,6 +148,7 @@ def test_pairs_without_a_grasp_are_told_what_there_is(tmp_path: Path) -> None:
             table.pairs(objects, grippers, strict=True)
 
 
+@pytest.mark.ill_typed
 def test_figures_are_numbers_or_text(tmp_path: Path) -> None:
     grasp = Grasp(np.eye(4), "mug", "parallel")
     with pytest.raises(InputError, match="'kappa' is None"):
