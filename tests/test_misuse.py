@@ -14,10 +14,14 @@ import pytest
 
 import graspcast
 import synthetic
+from bricks import brick
 from graspcast.bop.models import Models
 from graspcast.errors import GraspcastError
 from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.guarantees.drift_monitor import DriftMonitor
+from graspcast.simulation.grasps.pose_files import read_grasp_poses
+from graspcast.simulation.grasps.table import write_grasps
+from graspcast.simulation.objects.types import Grasp
 from poses import results_of, write_models
 
 
@@ -36,6 +40,9 @@ ODD: list[Any] = [
     np.full((4, 4), np.nan), np.array(["a"]), np.array([None]), np.eye(4) * 1j, np.eye(4).tolist(),
     pl.DataFrame({"a": [1]}), OnAnotherDevice(), {"a": np.eye(4), "b": "x", "c": None},
 ]  # fmt: skip
+
+
+TOP = Grasp(np.eye(4), "d-1", "parallel")
 
 
 @dataclass
@@ -160,6 +167,26 @@ CALLS: dict[str, Call] = {
     "check_estimator": lambda w, x: graspcast.check_estimator(x, x, x),
     "check_gripper": lambda w, x: graspcast.check_gripper(x),
     "trials_from_estimates": lambda w, x: graspcast.trials_from_estimates(x, x, x),
+    "trials_from_transferred_errors": lambda w, x: graspcast.trials_from_transferred_errors(
+        x, x, count=x
+    ),
+    "trials_from_transferred_errors, count": lambda w, x: graspcast.trials_from_transferred_errors(
+        graspcast.PoseErrors.of_deviations(0.002, 0.008, 0.07), [TOP], count=x
+    ),
+    "PoseErrors": lambda w, x: graspcast.PoseErrors.of_deviations(x, x, x),
+    "PoseErrors, tails": lambda w, x: graspcast.PoseErrors.of_deviations(0.1, 0.1, 0.1, tails=x),
+    "guiding_errors": lambda w, x: graspcast.guiding_errors(x),
+    "guiding_errors, count": lambda w, x: graspcast.guiding_errors(brick(), count=x),
+    "propose_grasps": lambda w, x: graspcast.propose_grasps(x, x, x),
+    "propose_grasps, gripper": lambda w, x: graspcast.propose_grasps(brick(), x, x),
+    "propose_grasps, known": lambda w, x: graspcast.propose_grasps(
+        brick(), graspcast.load_gripper("parallel"), np.eye(4)[None], known=x, count=0
+    ),
+    "measure_tolerance": lambda w, x: graspcast.measure_tolerance(x, x),
+    "Grasp": lambda w, x: Grasp(x, "a", "b"),
+    "Grasp, name": lambda w, x: Grasp(np.eye(4), "a", "b", x),
+    "write_grasps": lambda w, x: write_grasps("g.toml", x),
+    "read_grasp_poses": lambda w, x: read_grasp_poses(x),
     "run_campaign": lambda w, x: graspcast.run_campaign(x, x, x),
     "Look": lambda w, x: graspcast.fuse_looks([graspcast.Look(x, np.eye(4))]),
     "fuse_looks": lambda w, x: graspcast.fuse_looks(x),

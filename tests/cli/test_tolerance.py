@@ -54,3 +54,15 @@ def test_what_tolerance_cannot_do_is_said(
 ) -> None:
     said = refused([*pair, *options], capsys)
     assert all(word in said for word in words), said
+
+
+def test_a_grasp_that_never_holds_is_said_to_tolerate_nothing(
+    tmp_path: Path, pair: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    grasps = tmp_path / "high.toml"
+    grasps.write_text(
+        '[[grasp]]\nobject = "cube"\ngripper = "parallel"\nposition_m = [0.0, 0.0, 0.2]\n'
+        'quaternion = [0.0, 1.0, 0.0, 0.0]\nprovenance = "of the base, not of the fingertips"\n'
+    )
+    assert main([*pair, "--grasps", str(grasps), "--trials", "8"]) == 0
+    assert "does not even hold at the true pose" in capsys.readouterr().err

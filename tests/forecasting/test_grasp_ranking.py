@@ -120,6 +120,12 @@ def test_a_card_without_grasps_knows_the_reference_grasp() -> None:
     assert names(given.ranking(np.array([0.1, 0.2, 0.3]), PLAIN).grasps) == [["reference"]] * 3
 
 
+@pytest.mark.ill_typed
+def test_a_mapping_of_what_is_reachable_has_keys_of_instances() -> None:
+    with pytest.raises(InputError, match=r"has keys of instances, .*, not 'd-1'"):
+        candidates({"d-1": {"rim"}})  # type: ignore[dict-item]
+
+
 def test_a_certificate_does_not_go_with_what_is_reachable() -> None:
     refuse_mask(None)
     with pytest.raises(MismatchError, match="choosing among all grasps"):

@@ -133,6 +133,11 @@ def _print(found: Tolerance, *, given: bool) -> None:
         [[*row, deviation] for row, deviation in zip(rows, deviations, strict=True)],
     )
     print_text(f"at the true pose {found.held} of {found.of} succeed (jitter of 1 mm and 1°)")
+    if not found.held:
+        note(
+            "the grasp does not even hold at the true pose, so nothing is tolerated; graspcast "
+            "grasps shows why"
+        )
     print_text(found.summary())
     scale = found.scale
     what = "the given standard deviations" if given else "1 mm and 1° per axis"

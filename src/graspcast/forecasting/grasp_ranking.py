@@ -138,13 +138,15 @@ class Candidates:
         UnknownNameError
             For a reachable grasp that the forecaster does not know; the known ones are listed.
         InputError
-            For what is reachable given as one text.
+            For what is reachable given as one text, or as a mapping of other than instances.
         """
         targets = card.targets
         first, names = targets.first, targets.grasps
         rows: list[int] = []
         found: list[int] = []
         given = keys() if reachable is not None else []
+        if isinstance(reachable, Mapping):
+            _check_keys(reachable)
         if reachable is not None and not (isinstance(reachable, Mapping) or callable(reachable)):
             _checked(reachable, "grasp", sorted({name for some in names for name in some}))
         for i, number in enumerate(numbers.tolist()):
@@ -227,6 +229,18 @@ def _names_of(reachable: Reachable, key: InstanceKey, known: tuple[str, ...]) ->
     else:
         return reachable
     return _checked(names, f"grasp of {key.object}", known)
+
+
+def _check_keys(reachable: Mapping[InstanceKey, Collection[str]]) -> None:
+    """Raise unless the first key of a mapping, and so surely all, is that of an instance."""
+    key = next(iter(reachable), None)
+    if key is not None and not (isinstance(key, tuple) and len(key) == len(InstanceKey._fields)):
+        raise InputError(
+            f"a mapping of reachable grasps has keys of instances, InstanceKey"
+            f"({', '.join(InstanceKey._fields)}), not {key!r}; for all instances alike give the "
+            "names alone",
+            parameters=("reachable",),
+        )
 
 
 def _checked(names: Collection[str], kind: str, known: Sequence[str]) -> Collection[str]:

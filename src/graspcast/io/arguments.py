@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from functools import wraps
-from numbers import Real
+from numbers import Integral, Real
 from os import PathLike
 from typing import Any, TypeVar
 
@@ -27,6 +27,7 @@ __all__ = [
     "number",
     "refuse_unless",
     "sequence",
+    "whole",
 ]
 
 T = TypeVar("T")
@@ -73,6 +74,17 @@ def sequence(of: Kind) -> Kind:
         lambda value: isinstance(value, list | tuple) and all(map(test, value)),
         f"a list of what is {words}",
     )
+
+
+def whole(low: int = -(2**63)) -> Kind:
+    """Return the kind of whole numbers of 64 bits from a lowest one on."""
+
+    def test(value: Any) -> bool:
+        if isinstance(value, bool) or not isinstance(value, Integral):
+            return False
+        return low <= int(value) < 2**63
+
+    return test, "a whole number" + (f", {low} or more" if low >= 0 else "")
 
 
 def _is_flag(value: Any) -> bool:

@@ -70,7 +70,7 @@ def test_errors_of_no_object_serve_for_every_object() -> None:
         ((0.0, 0.008, 0.07), 4.0, "above zero"),
         ((2.0, 8.0, 4.0), 4.0, "at most 0.5 m"),
         ((0.002, 0.008, 0.07), 2.0, "more than 2"),
-        ((0.002, 0.008, 0.07), math.nan, "more than 2"),
+        ((0.002, 0.008, 0.07), math.nan, "should be a number"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused(

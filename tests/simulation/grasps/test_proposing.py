@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from bricks import brick, from_top
+from graspcast.errors import InputError, MismatchError
 from graspcast.pose.transforms import compose, exp
 from graspcast.simulation.grasps.diversity import Spacing, hand_symmetries
 from graspcast.simulation.grasps.proposals import OpenHand
@@ -93,3 +94,13 @@ def test_a_gripper_of_the_menagerie() -> None:
     except GraspcastError as error:
         pytest.skip(str(error))
     assert found.ranked[0].rate > 0.5
+
+
+@pytest.mark.ill_typed
+def test_known_grasps_are_of_the_pair_and_errors_have_their_shape() -> None:
+    hand = load_gripper("parallel")
+    other = Grasp(np.eye(4), "mug-1", "parallel")
+    with pytest.raises(MismatchError, match="a known grasp is of 'mug-1' by 'parallel', not of"):
+        propose_grasps(brick(), hand, np.eye(4)[None], known=[other])
+    with pytest.raises(InputError, match=r"the shape \(4, 4\), not \(n, 4, 4\)"):
+        propose_grasps(brick(), hand, np.eye(4))

@@ -136,7 +136,6 @@ def test_a_file_that_is_wrong(tmp_path: Path, old: str, new: str, message: str) 
         read_grasps(tmp_path / "mine.toml")
 
 
-@pytest.mark.ill_typed
 def test_pairs_without_a_grasp_are_told_what_there_is(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(ENTRY)
     table = GraspTable(grasps_in(tmp_path / "mine.toml"))
@@ -149,6 +148,7 @@ def test_pairs_without_a_grasp_are_told_what_there_is(tmp_path: Path) -> None:
             table.pairs(objects, grippers, strict=True)
 
 
+@pytest.mark.ill_typed
 def test_figures_are_numbers_or_text(tmp_path: Path) -> None:
     grasp = Grasp(np.eye(4), "mug", "parallel")
     with pytest.raises(InputError, match="'kappa' is None"):
@@ -204,3 +204,10 @@ def test_a_table_may_be_limited_to_names_and_to_the_first_few(tmp_path: Path) ->
     assert ("mug", "parallel") not in table.limited(["reference"])
     with pytest.raises(UnknownNameError, match="unknown grasp 'd'; known: a, b, c, reference"):
         table.limited(["d"])
+
+
+def test_no_file_is_written_that_could_not_be_read(tmp_path: Path) -> None:
+    twice = [_reference((0.0,) * 6), _reference((0.1,) * 6)]
+    with pytest.raises(InputError, match="there are two grasps of 'mug' by 'parallel'"):
+        write_grasps(tmp_path / "mine.toml", twice)
+    assert not (tmp_path / "mine.toml").exists()

@@ -13,7 +13,7 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.matching import match, nearest_truth
-from graspcast.io.arguments import a, checked, mapping
+from graspcast.io.arguments import a, checked, mapping, number, whole
 from graspcast.pose.covariances import check_deviations
 from graspcast.pose.ray_frame import relative
 from graspcast.pose.transforms import compose, invert
@@ -118,6 +118,13 @@ class PoseErrors:
         )
 
     @classmethod
+    @checked(
+        across_m=number(),
+        along_m=number(),
+        rotation_rad=number(),
+        tails=number(),
+        seed=whole(0),
+    )
     def of_deviations(
         cls,
         across_m: float,

@@ -13,6 +13,7 @@ import numpy as np
 import polars as pl
 
 from graspcast.errors import InputError, MismatchError
+from graspcast.io.arguments import a, checked, sequence, whole
 from graspcast.io.wording import counted
 from graspcast.pose.ray_frame import error_along
 from graspcast.pose.transforms import rotation_from_quaternion
@@ -28,6 +29,7 @@ TRANSFERRED = "transferred"
 """Value of the column ``estimator`` in such trials."""
 
 
+@checked(errors=a(PoseErrors), grasps=sequence(a(Grasp)), count=whole(), seed=whole(0))
 def trials_from_transferred_errors(
     errors: PoseErrors,
     grasps: Sequence[Grasp],
@@ -53,10 +55,12 @@ def trials_from_transferred_errors(
     Raises
     ------
     InputError
-        If ``count`` is below 1, or makes more trials than any computer runs.
+        If there is no grasp, or ``count`` is below 1, or makes more trials than any computer runs.
     MismatchError
         If there is no error of another object.
     """
+    if not grasps:
+        raise InputError("there are no grasps to try", parameters=("grasps",))
     if count < 1:
         raise InputError(f"count is {count}; give at least 1", parameters=("transferred_errors",))
     if count * len(grasps) > _MOST_TRIALS:

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import MismatchError
+from graspcast.io.arguments import a, checked, whole
 from graspcast.io.wording import counted
 from graspcast.pose.ray_frame import error_along
 from graspcast.pose.transforms import rotation_from_quaternion
@@ -38,6 +39,7 @@ class GuidingErrors(NamedTuple):
     told: str
 
 
+@checked(grasp_object=a(GraspObject), errors=a(PoseErrors), count=whole(1), seed=whole(0))
 def guiding_errors(
     grasp_object: GraspObject, errors: PoseErrors | None = None, *, count: int = 200, seed: int = 0
 ) -> GuidingErrors:

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError
+from graspcast.io.arguments import PATH, checked
 from graspcast.io.json import numbers, read_json, require
 from graspcast.io.reading import read_text
 from graspcast.io.wording import counted
@@ -49,6 +50,7 @@ class GraspPoses:
         return len(self.names)
 
 
+@checked(path=PATH)
 def read_grasp_poses(path: str | PathLike[str]) -> GraspPoses:
     """Read grasp poses, without converting anything.
 

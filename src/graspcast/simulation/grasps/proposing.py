@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.errors import InputError
+from graspcast.errors import InputError, MismatchError
+from graspcast.io.arguments import a, checked, sequence, whole
 from graspcast.io.progress import Progress
 from graspcast.pose.transforms import invert, transform_points
 from graspcast.simulation.grasps.candidates import Candidates, candidates_of
@@ -150,6 +151,15 @@ class ImportedPoses:
         return Candidates(grasps, tuple(f"imported, {n}" for n in self.poses.names), float("nan"))
 
 
+@checked(
+    grasp_object=a(GraspObject),
+    gripper=(lambda value: hasattr(value, "base_T_tcp"), "a gripper (load_gripper)"),
+    errors=a(np.ndarray),
+    count=whole(),
+    seed=whole(0),
+    symmetries=a(np.ndarray),
+    known=sequence(a(Grasp)),
+)
 def propose_grasps(
     grasp_object: GraspObject,
     gripper: Gripper,
@@ -206,9 +216,10 @@ def propose_grasps(
         If no grasp is found; the message says why. If the object has no mesh, ``count`` is below 1,
         or there are no errors.
     MismatchError
-        If grasps from elsewhere are not in the frame that is stated.
+        If grasps from elsewhere are not in the frame that is stated, or known grasps are of another
+        object or gripper.
     """
-    _check(grasp_object, errors, count)
+    _check(grasp_object, gripper, errors, count, known)
     chosen = settings or TrialSettings.robot(gripper)
     chosen = replace(chosen, lift_s=min(chosen.lift_s, _SEARCH_LIFT_S))
     pool = TrialPool(grasp_object, gripper, chosen, workers)
@@ -259,11 +270,25 @@ def propose_grasps(
     )
 
 
-def _check(grasp_object: GraspObject, errors: ndarray, count: int) -> None:
+def _check(
+    grasp_object: GraspObject,
+    gripper: Gripper,
+    errors: ndarray,
+    count: int,
+    known: Sequence[Grasp],
+) -> None:
     if count < 1:
         raise InputError(f"count is {count}; give at least 1", parameters=("count",))
     if not len(errors):
         raise InputError("there are no pose errors to try grasps under", parameters=("errors",))
+    if errors.shape[1:] != (4, 4):
+        raise InputError(f"the pose errors have the shape {errors.shape}, not (n, 4, 4)")
+    for grasp in known:
+        if (grasp.object, grasp.gripper) != (grasp_object.name, gripper.name):
+            raise MismatchError(
+                f"a known grasp is of {grasp}, not of {grasp_object.name!r} by {gripper.name!r}",
+                parameters=("grasps",),
+            )
     if not len(grasp_object.faces):
         raise InputError(f"object {grasp_object.name!r} has no mesh to propose grasps from")
 

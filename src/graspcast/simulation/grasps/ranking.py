@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from graspcast.io.arguments import checked, number
 from graspcast.io.progress import Progress
 from graspcast.pose.transforms import exp, invert, rotation_vector
 from graspcast.simulation.grasps.diversity import Spacing
@@ -55,6 +56,7 @@ class Effort:
     jitter: int = 6
     final: int = 10
 
+    @checked(factor=number(0.001, 1000.0))
     def scaled(self, factor: float) -> Effort:
         """Return a larger or smaller effort: more candidates, parents and errors."""
         root = factor**0.5

@@ -14,7 +14,7 @@ import numpy as np
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.estimates.outcomes import REFERENCE_GRASP
-from graspcast.io.arguments import PATH, checked
+from graspcast.io.arguments import PATH, a, checked, refuse_unless, sequence
 from graspcast.io.files import write_text
 from graspcast.io.toml import TomlTable, read_toml
 from graspcast.pose.transforms import quaternion, rotation_from_quaternion, transform
@@ -31,6 +31,7 @@ from graspcast.simulation.trial.settings import Protocol
 __all__ = ["GraspTable", "ReferenceGrasp", "grasps_in", "read_grasps", "write_grasps"]
 
 Figure = str | int | float | bool
+_MOST_NAMED = 6
 _HEADER = """\
 # Grasps: pose of the gripper's tool centre point in the object's frame. Its z is the
 # direction of approach, its x the direction in which the fingers close. Metres; quaternions wxyz.
@@ -199,16 +200,19 @@ class GraspTable:
             named = {name for name, _ in pairs}
             near = [f"{o} by {g}" for o, g in self._grasps if o in named]
             there = near or [f"{o} by {g}" for o, g in self._grasps if g in grippers]
+            more = ", …" if len(there) > _MOST_NAMED else ""
+            there = there[: -_MOST_NAMED - 1 : -1]  # those of the user's file, which come last
             told = f"there are grasps of {', '.join(there)}" if there else "there is no other grasp"
             raise InputError(
-                f"no grasp of {lacking}; {told}. An object of a dataset is named DATASET-NUMBER, "
-                "in grasps and catalogue too; graspcast propose-grasps finds grasps",
+                f"no grasp of {lacking}; {told}{more}. An object of a dataset is named "
+                "DATASET-NUMBER, in grasps and catalogue too; graspcast propose-grasps finds "
+                "grasps",
                 parameters=("objects", "grasps"),
             )
         return known
 
 
-@checked(path=PATH)
+@checked(path=PATH, protocol=(lambda value: value in ("robot", "paper"), "robot or paper"))
 def read_grasps(
     path: str | PathLike[str] | None = None, *, protocol: Protocol = "robot"
 ) -> GraspTable:
@@ -244,11 +248,20 @@ def read_grasps(
     return table if path is None else table.updated(grasps_in(path))
 
 
+@checked(path=PATH)
 def write_grasps(path: str | PathLike[str], grasps: Iterable[ReferenceGrasp]) -> None:
     """Write grasps to a TOML file, atomically; reading gives the same numbers.
 
     They are sorted by object and gripper. Those of the same pair keep their order.
+
+    Raises
+    ------
+    InputError
+        If two grasps of a pair have one name, which would not be read again.
     """
+    grasps = list(grasps) if isinstance(grasps, Iterable) else grasps
+    refuse_unless(sequence(a(ReferenceGrasp)), grasps, "write_grasps", "grasps")
+    GraspTable(grasps)  # no two of one name
     ordered = sorted(grasps, key=lambda r: (_natural(r.grasp.object), r.grasp.gripper))
     write_text(path, "\n".join([_HEADER, *(_entry_text(reference) for reference in ordered)]))
 

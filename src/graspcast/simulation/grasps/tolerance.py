@@ -16,6 +16,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import InputError
+from graspcast.io.arguments import a, checked, whole
 from graspcast.io.progress import Progress
 from graspcast.pose.covariances import check_covariance
 from graspcast.pose.transforms import compose, invert, rotation_from_vector, skew, transform
@@ -234,6 +235,13 @@ def tolerated_scale(
     return measure_fall_off(tried, _SCALE_LIMIT, trials, rng, held=held, of=of)
 
 
+@checked(
+    runner=(lambda value: hasattr(value, "run"), "a TrialRunner"),
+    grasp=a(Grasp),
+    covariance=a(np.ndarray),
+    trials=whole(),
+    seed=whole(0),
+)
 def measure_tolerance(
     runner: TrialRunner,
     grasp: Grasp,

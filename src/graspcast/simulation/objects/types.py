@@ -144,6 +144,8 @@ class Grasp:
     name: str = REFERENCE_GRASP
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise InputError(f"the name of a grasp should be text, not {self.name!r}")
         check_rigid(self.obj_T_grasp, f"the grasp of {self}")
         if not self.name or self.name != self.name.strip() or not self.name.isprintable():
             raise InputError(
@@ -174,7 +176,7 @@ def check_rigid(a_T_b: Float[ndarray, "4 4"], what: str) -> None:
     what
         Its name in the message.
     """
-    if np.shape(a_T_b) != (4, 4) or not np.all(np.isfinite(a_T_b)):
+    if not isinstance(a_T_b, ndarray) or a_T_b.shape != (4, 4) or not np.all(np.isfinite(a_T_b)):
         raise InputError(f"{what} must be a finite 4x4 transform, got {a_T_b!r}")
     rotation = a_T_b[:3, :3]
     orthogonal = np.abs(rotation @ rotation.T - np.eye(3)).max() <= _RIGID_TOLERANCE
