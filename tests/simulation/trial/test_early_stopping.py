@@ -73,7 +73,7 @@ def test_published_trials_stopped_early_have_the_labels_of_the_full_lift(data: P
     chosen: dict[tuple[str, str], list[int]] = {}
     for row in np.random.default_rng(0).permutation(len(pairs)).tolist():
         rows = chosen.setdefault(pairs[row], [])
-        if len(rows) < 3:
+        if not rows:
             rows.append(row)
     assert len(chosen) == 29
     differing = []
@@ -89,7 +89,7 @@ def test_published_trials_stopped_early_have_the_labels_of_the_full_lift(data: P
                 if full != quick:
                     differing.append((pair, settings.protocol, row, full, quick))
     # A grip at an edge may creep over it after 5 to 15 s: 3 of 1,109 published trials.
-    assert len(differing) <= 2, differing
+    assert len(differing) <= 1, differing
 
 
 def held_by_monitor(motion: Callable[[float], float], impratio: float = 2000.0) -> float | None:
