@@ -21,7 +21,14 @@ from graspcast.errors import FormatError
 from graspcast.io.files import atomic_write
 from graspcast.io.reading import read_bytes
 
-__all__ = ["Mesh", "load_with_colours", "read_coloured_mesh", "read_mesh", "write_mesh"]
+__all__ = [
+    "Mesh",
+    "load_with_colours",
+    "parse_mesh",
+    "read_coloured_mesh",
+    "read_mesh",
+    "write_mesh",
+]
 
 _log = logging.getLogger(__name__)
 
@@ -178,21 +185,44 @@ def write_mesh(
         temporary.write_bytes(made.export(file_type="ply", vertex_normal=False))
 
 
-def _load(path: Path, kind: str = "ply", **options: Any) -> Any:
+def parse_mesh(content: bytes, kind: str, **options: Any) -> Any:
+    """Parse a mesh by trimesh, as it is; binary PLY files may mix triangles and other polygons.
+
+    Parameters
+    ----------
+    content
+        The file.
+    kind
+        Its suffix, without the dot.
+    **options
+        As for ``trimesh.load``.
+
+    Raises
+    ------
+    Exception
+        Whatever trimesh raises.
+    """
     import trimesh
 
     def load(content: bytes) -> Any:
         return trimesh.load(io.BytesIO(content), file_type=kind, process=False, **options)
 
-    content = read_bytes(path)
     try:
         return load(content)
-    except Exception as error:  # trimesh raises many types
-        # It reads polygons in binary files if all have the same number of corners.
+    except Exception:
+        # trimesh reads polygons in binary files if all have the same number of corners.
         triangles = with_triangles(content)
         with suppress(Exception):
             if triangles is not None:
                 return load(triangles)
+        raise
+
+
+def _load(path: Path, kind: str = "ply", **options: Any) -> Any:
+    content = read_bytes(path)
+    try:
+        return parse_mesh(content, kind, **options)
+    except Exception as error:  # trimesh raises many types
         raise FormatError(path, f"is not a {kind.upper()} mesh ({error})") from error
 
 

@@ -164,7 +164,7 @@ def _inputs(options: argparse.Namespace, drawn: PoseErrors | None) -> Inputs:
                 "drawn errors are for trials of objects without images: say how many of each",
                 parameters=("transferred_errors",),
             )
-        found = [BopDataset(root, name=name) for name, root in options.bop]
+        found = [BopDataset(root, name=name, sensor=options.sensor) for name, root in options.bop]
         return Inputs({dataset.name: dataset for dataset in found}, {})
     if not options.estimates:
         either = ", or standard deviations by which to draw their errors" * transferred

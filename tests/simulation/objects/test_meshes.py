@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -198,3 +199,18 @@ def test_the_meshes_of_the_datasets_are_read_and_weighed(
                 not_closed.add((dataset, int(path.stem[4:])))
     # The scans with a few badly turned faces; every other one closes exactly.
     assert not_closed == {("lmo", 5), ("lmo", 10)}
+
+
+def test_a_binary_ply_file_of_triangles_and_quads(tmp_path: Path) -> None:
+    corners = np.array([[x, y, z] for x in (0, 50) for y in (0, 60) for z in (0, 70)], "<f4")
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7)]
+    faces += [(1, 7, 3)]
+    header = "ply\nformat binary_little_endian 1.0\nelement vertex 8\n"
+    header += "property float x\nproperty float y\nproperty float z\nelement face 7\n"
+    header += "property list uchar int vertex_indices\nend_header\n"
+    body = b"".join(struct.pack(f"<B{len(face)}i", len(face), *face) for face in faces)
+    (tmp_path / "mixed.ply").write_bytes(header.encode() + corners.tobytes() + body)
+    mesh = read_mesh(tmp_path / "mixed.ply")
+    assert len(mesh.faces) == 12
+    found = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    assert found.is_watertight and found.volume == pytest.approx(0.05 * 0.06 * 0.07, rel=1e-5)

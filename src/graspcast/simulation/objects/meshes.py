@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import logging
 import warnings
 from collections.abc import Sequence
@@ -15,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from graspcast.bop.meshes import Mesh
+from graspcast.bop.meshes import Mesh, parse_mesh
 from graspcast.errors import FormatError, InputError
 from graspcast.io.reading import read_bytes
 from graspcast.pose.lengths import METRES, fitting_units, shown, unit_problem
@@ -113,8 +112,6 @@ def read_mesh_and_unit(
 
 
 def _load(path: Path) -> tuple[ndarray, ndarray]:
-    import trimesh
-
     content = read_bytes(path)
     try:
         options: Any = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
@@ -122,9 +119,7 @@ def _load(path: Path) -> tuple[ndarray, ndarray]:
         # trimesh and NumPy warn about files that are then refused, or repaired below.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            loaded: Any = trimesh.load(
-                io.BytesIO(content), file_type=kind, process=False, force="mesh", **options
-            )
+            loaded: Any = parse_mesh(content, kind, force="mesh", **options)
         vertices = np.array(loaded.vertices, dtype=np.float64)
         faces = np.array(getattr(loaded, "faces", ()), dtype=np.int64).reshape(-1, 3)
     except Exception as error:  # trimesh raises whatever its parser met
