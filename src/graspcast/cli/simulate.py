@@ -178,7 +178,7 @@ def _inputs(options: argparse.Namespace, drawn: PoseErrors | None) -> Inputs:
 def _simulate(options: argparse.Namespace) -> None:
     from graspcast.simulation.campaign.campaign import run_campaign
     from graspcast.simulation.campaign.jobs import available_trials, load_setups
-    from graspcast.simulation.campaign.pose_errors import PoseErrors
+    from graspcast.simulation.campaign.pose_errors import PoseErrors, sources_of
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_grippers
     from graspcast.simulation.objects.catalogue import read_catalogue
@@ -218,22 +218,11 @@ def _simulate(options: argparse.Namespace) -> None:
             setups,
             options.out,
             executor=_executor(options),
-            sources=_sources(inputs, errors),
+            sources=sources_of(inputs.results) if errors is None else errors.sources,
             progress=move,
         )
     _print_outcomes(outcomes)
     print_text(f"{options.out}: {counted(len(outcomes), 'trial')}")
-
-
-def _sources(inputs: Inputs, errors: PoseErrors | None) -> dict[str, str]:
-    """Return what made the estimates, or their errors, for the dataset card."""
-    if errors is not None:
-        return dict(errors.sources)
-    return {
-        f"{estimator} on {name}": table.source
-        for name, tables in inputs.results.items()
-        for estimator, table in tables.items()
-    }
 
 
 def _print_outcomes(outcomes: DataFrame) -> None:

@@ -67,10 +67,14 @@ class TrialSetup:
 
     def runner(self) -> TrialRunner:
         """Return the runner for these trials, which this process compiles once for all grasps."""
-        key = trial_digest(self.grasp_object, self.gripper, self.settings)
-        if key not in _runners:
-            _runners[key] = TrialRunner(self.grasp_object, self.gripper, self.settings)
-        return _runners[key]
+        if self._runner_digest not in _runners:
+            new = TrialRunner(self.grasp_object, self.gripper, self.settings)
+            _runners[self._runner_digest] = new
+        return _runners[self._runner_digest]
+
+    @cached_property
+    def _runner_digest(self) -> str:
+        return trial_digest(self.grasp_object, self.gripper, self.settings)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from graspcast.pose.ray_frame import relative
 from graspcast.pose.transforms import compose, invert
 from graspcast.views.covariance_table import CovarianceTable
 
-__all__ = ["TAILS", "PoseErrors"]
+__all__ = ["TAILS", "PoseErrors", "sources_of"]
 
 TAILS = 4.0
 """Degrees of freedom of Student's t distribution, of which errors without estimates are drawn."""
@@ -108,13 +108,11 @@ class PoseErrors:
                 truths.append(relative(poses, compose(poses, near)))
         if not names:
             raise InputError("there are no estimates", parameters=("estimates",))
-        sources = {
-            f"{estimator} on {dataset}": table.source
-            for dataset, tables in results.items()
-            for estimator, table in tables.items()
-        }
         return cls(
-            np.concatenate(names), np.concatenate(distances), np.concatenate(truths), sources
+            np.concatenate(names),
+            np.concatenate(distances),
+            np.concatenate(truths),
+            sources_of(results),
         )
 
     @classmethod
@@ -188,6 +186,15 @@ class PoseErrors:
     def _of_no_object(cls, truth: Float[ndarray, "n 6"], told: str) -> PoseErrors:
         # At a distance of 1 m, so that shifts over the distance are metres.
         return cls(np.full(len(truth), ""), np.ones(len(truth)), truth, {"drawn errors": told})
+
+
+def sources_of(results: Mapping[str, Mapping[str, Results]]) -> dict[str, str]:
+    """Return the files of estimates, by estimator and dataset in words."""
+    return {
+        f"{estimator} on {dataset}": table.source
+        for dataset, tables in results.items()
+        for estimator, table in tables.items()
+    }
 
 
 def _drawn(tails: float, seed: int) -> Float[ndarray, "n 6"]:
