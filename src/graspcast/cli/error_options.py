@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from graspcast.cli.numbers import number_type
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,28 +47,12 @@ def add_tails(verb: argparse.ArgumentParser) -> None:
     )
 
 
-def _tails(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not value > 2:
-        raise argparse.ArgumentTypeError(
-            f"degrees of freedom above 2, or inf, are needed, not {text!r}"
-        )
-    return value
+_tails = number_type(lambda value: value > 2, "degrees of freedom above 2, or inf, are")
 
 
-def _deviation(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0 < value < math.inf:
-        raise argparse.ArgumentTypeError(
-            f"a standard deviation above zero, in mm or degrees, is needed, not {text!r}"
-        )
-    return value
+_deviation = number_type(
+    lambda value: 0 < value < math.inf, "a standard deviation above zero, in mm or degrees, is"
+)
 
 
 def deviations_of(options: argparse.Namespace) -> tuple[float, float, float] | None:

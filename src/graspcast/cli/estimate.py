@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from math import isfinite
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text, progress_bar
+from graspcast.cli.numbers import number_type
 from graspcast.cli.options import (
     Verbs,
     add_out,
@@ -109,14 +110,7 @@ def _add_detections(verb: argparse.ArgumentParser) -> None:
     )
 
 
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not (value > 0 and isfinite(value)):
-        raise argparse.ArgumentTypeError(f"a number of seconds over 0 is needed, not {text!r}")
-    return value
+_seconds = number_type(lambda value: 0 < value < inf, "a number of seconds over 0 is")
 
 
 def _estimate(options: argparse.Namespace) -> None:

@@ -13,6 +13,7 @@ from graspcast.cli.options import (
     add_json,
     add_out,
     add_outcomes,
+    add_pair,
     inputs_of,
     new_verb,
     note_sizes,
@@ -44,10 +45,7 @@ def add(verbs: Verbs) -> None:
     verb.add_argument("--data", metavar="DIR", type=Path, help=f"{_DATA}; or name the inputs:")
     add_inputs(verb, required=False)
     add_outcomes(verb, required=False)
-    verb.add_argument("--object", metavar="NAME", required=True, help="for example lmo-5")
-    verb.add_argument(
-        "--gripper", metavar="NAME", required=True, help="name, or the .toml file of a custom one"
-    )
+    add_pair(verb, "lmo-5")
     verb.add_argument(
         "--catalogue", metavar="FILE", type=Path, help="objects (TOML) besides the built-in ones"
     )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from graspcast.cli.built_in_estimates import named, named_or_built_in, with_built_in
 from graspcast.cli.console import note
+from graspcast.cli.numbers import number_type
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ __all__ = [
     "add_ood_alpha",
     "add_out",
     "add_outcomes",
+    "add_pair",
     "add_sensor",
     "add_tables",
     "bop_dirs_of",
@@ -232,15 +234,8 @@ def positive(text: str) -> int:
     return int(text)
 
 
-def share(text: str) -> float:
-    """Parse a number between 0 and 1."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value <= 1.0:
-        raise argparse.ArgumentTypeError(f"a number between 0 and 1 is needed, not {text!r}")
-    return value
+share = number_type(lambda value: 0 <= value <= 1, "a number between 0 and 1 is")
+"""Parse a number between 0 and 1."""
 
 
 def field_size(text: str) -> int:
@@ -329,6 +324,14 @@ def note_software_drawing() -> None:
 
     if reason := why_software():
         note(f"drawn in software; with OpenGL it would be quicker, but {reason}")
+
+
+def add_pair(verb: argparse.ArgumentParser, example: str) -> None:
+    """Add ``--object`` and ``--gripper``, one of each."""
+    verb.add_argument("--object", metavar="NAME", required=True, help=f"for example {example}")
+    verb.add_argument(
+        "--gripper", metavar="NAME", required=True, help="name, or the .toml file of a custom one"
+    )
 
 
 def add_tables(verb: argparse.ArgumentParser) -> None:

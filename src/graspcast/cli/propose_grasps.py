@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from graspcast.cli.console import note, print_table, print_text, progress_bar
 from graspcast.cli.error_options import add_covariance, add_tails, drawn_errors
+from graspcast.cli.numbers import number_type
 from graspcast.cli.options import (
     Verbs,
     add_bop,
     add_estimates,
     add_json,
     add_out,
+    add_pair,
     bop_dirs_of,
     count,
     new_verb,
@@ -51,10 +53,7 @@ def add(verbs: Verbs) -> None:
         "standard deviations or covariances, or drawn with 4 mm across and 10 mm along the\n"
         "viewing ray and 5 degrees. A known grasp of the object is tried too, and kept.",
     )
-    verb.add_argument("--object", metavar="NAME", required=True, help="for example ycbv-5")
-    verb.add_argument(
-        "--gripper", metavar="NAME", required=True, help="name, or the .toml file of a custom one"
-    )
+    add_pair(verb, "ycbv-5")
     verb.add_argument("--catalogue", metavar="FILE", type=Path, help="own objects (TOML)")
     verb.add_argument(
         "--grasps",
@@ -114,14 +113,7 @@ def _add_import(verb: argparse.ArgumentParser) -> None:
     )
 
 
-def _factor(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.05 <= value <= 100:
-        raise argparse.ArgumentTypeError(f"a number from 0.05 to 100 is needed, not {text!r}")
-    return value
+_factor = number_type(lambda value: 0.05 <= value <= 100, "a number from 0.05 to 100 is")
 
 
 def _propose_grasps(options: argparse.Namespace) -> None:

@@ -6,6 +6,7 @@ import argparse
 import math
 from typing import TYPE_CHECKING
 
+from graspcast.cli.numbers import number_type
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,14 +35,7 @@ def add_protocol(verb: argparse.ArgumentParser) -> None:
     )
 
 
-def _newtons(text: str) -> float:
-    try:
-        force = float(text)
-    except ValueError:
-        force = math.nan
-    if not 0 < force < math.inf:
-        raise argparse.ArgumentTypeError(f"a force above zero, in newtons, is needed, not {text!r}")
-    return force
+_newtons = number_type(lambda value: 0 < value < math.inf, "a force above zero, in newtons, is")
 
 
 def settings_of(options: argparse.Namespace, gripper: Gripper) -> TrialSettings:

@@ -12,6 +12,7 @@ from graspcast.cli.options import (
     Verbs,
     add_bop,
     add_json,
+    add_pair,
     bop_dirs_of,
     count,
     new_verb,
@@ -43,10 +44,7 @@ def add(verbs: Verbs) -> None:
         "of the grasp's frame and about each axis until 90 and 50 % of the trials succeed, with\n"
         "90 % intervals; and by which factor the standard deviations of an estimate may grow.",
     )
-    verb.add_argument("--object", metavar="NAME", required=True, help="for example ycbv-5")
-    verb.add_argument(
-        "--gripper", metavar="NAME", required=True, help="name, or the .toml file of a custom one"
-    )
+    add_pair(verb, "ycbv-5")
     verb.add_argument(
         "--grasp", metavar="NAME", help="its name, if there are several (default: the reference)"
     )

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from graspcast.cli.numbers import number_type
 from graspcast.cli.options import maybe_named, positive
 from graspcast.errors import GraspcastError, InputError
 
@@ -112,14 +113,7 @@ def policy_options(options: argparse.Namespace) -> ViewSettings:
     )
 
 
-def _degrees(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0 <= value <= 180:
-        raise argparse.ArgumentTypeError(f"degrees from 0 to 180 are needed, not {text!r}")
-    return value
+_degrees = number_type(lambda value: 0 <= value <= 180, "degrees from 0 to 180 are")
 
 
 def fusion_options(options: argparse.Namespace) -> dict[str, Any]:

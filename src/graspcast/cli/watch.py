@@ -11,6 +11,7 @@ from graspcast.cli.options import (
     Verbs,
     add_bop,
     add_estimates,
+    add_pair,
     add_tables,
     bop_dirs_of,
     new_verb,
@@ -44,10 +45,7 @@ def add(verbs: Verbs) -> None:
         "estimate is perfect, or has the error --offset, or is from a results CSV (--estimates,\n"
         "--bop, --image).",
     )
-    verb.add_argument("--object", metavar="NAME", required=True, help="for example lmo-5")
-    verb.add_argument(
-        "--gripper", metavar="NAME", required=True, help="name, or the .toml file of a custom one"
-    )
+    add_pair(verb, "lmo-5")
     add_estimates(verb, required=False)
     add_bop(verb)
     verb.add_argument(
