@@ -1,0 +1,1 @@
+"""The report: what was judged, by what, and how well, as one HTML file."""

@@ -1,0 +1,1 @@
+"""At the robot: verdicts on all estimates of a frame, from a model file alone."""

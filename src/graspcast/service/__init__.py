@@ -1,0 +1,1 @@
+"""The service: verdicts over HTTP (extra ``serve``)."""
