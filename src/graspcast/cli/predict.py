@@ -195,6 +195,8 @@ def _predict(options: argparse.Namespace) -> None:
     _print_thresholds(options, models, rows, looks)
     for certificate in certificates:
         print_text(str(certificate.overall))
+        if certificate.overall.lower is not None:
+            print_text("Nothing is attempted; certify --accept-lower accepts the lower rate.")
 
 
 def _check_reachable(

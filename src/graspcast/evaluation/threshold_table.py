@@ -22,11 +22,12 @@ from graspcast.evaluation.best_threshold import Trials, best_threshold, on_other
 from graspcast.evaluation.bootstrap import Interval, original_and_draws
 from graspcast.evaluation.net_benefit import Costs
 from graspcast.evaluation.success_intervals import success_interval
+from graspcast.guarantees.attempts import first_to_reach
 
 __all__ = ["BestThreshold", "ThresholdRow", "ThresholdTable", "threshold_table"]
 
 _SHARES = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
-"""Which shares of the instances the thresholds of a table attempt, beside 1 (threshold 0)."""
+"""Which shares of the forecasts are above the thresholds of a table, beside 1 (threshold 0)."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +170,7 @@ def threshold_table(
     fixed = {break_even} | ({asked} if asked is not None else set())
     fixed |= {best} if best is not None else set()
     allowed = np.inf if most is None else most
-    wanted = fixed | _quantiles(trials) if at is None else set(at)
+    wanted = fixed | _quantiles(trials, allowed) if at is None else set(at)
     thresholds = sorted({t for t in wanted if t <= allowed}, reverse=True)
     rows = []
     for threshold in thresholds:
@@ -205,14 +206,20 @@ def threshold_table(
     return ThresholdTable(tuple(rows), len(numbers), len(scenes), costs, measured, found, most)
 
 
-def _quantiles(trials: Trials) -> set[float]:
-    """Return thresholds, to two digits, that attempt about certain shares of the instances; and 0.
+def _quantiles(trials: Trials, most: float) -> set[float]:
+    """Return thresholds, to two digits, that divide the forecasts up to ``most`` evenly; and 0.
 
     What is attempted at no threshold counts as not attempted.
     """
-    filled = np.where(np.isnan(trials.probability), 0.0, trials.probability).max(axis=1)
-    found = np.quantile(filled, [1.0 - share for share in _SHARES], method="lower")
-    return {0.0, *(math.floor(t * 100) / 100 for t in found.tolist())}
+    if trials.probability.shape[1] == 1:
+        found = np.where(np.isnan(trials.probability), 0.0, trials.probability)
+    else:
+        found = trials.probability[first_to_reach(trials.probability)]
+    found = found[found <= most]
+    if not found.size:
+        return {0.0}
+    ends = np.quantile(found, [1.0 - share for share in _SHARES], method="lower")
+    return {0.0, *(math.floor(t * 100) / 100 for t in ends.tolist())}
 
 
 def _mean(
