@@ -41,6 +41,9 @@ WORLDS = {
     "50 x 10, repeats, over-dispersed": World(50, 10, scene=3.0, alike=1.0),
     "50 x 10, misleading scenes": World(50, 10, mislead=1.0),
     "200 scenes x 8 trials": World(200, 8),
+    "10 x 20, forecasts nearly useless": World(10, 20, mislead=6.0),
+    "60 x 1, forecasts nearly useless": World(60, 1, mislead=6.0),
+    "200 x 1, forecasts nearly useless": World(200, 1, mislead=6.0),
 }
 SHARES = (0.75, 0.5, 0.25)
 
