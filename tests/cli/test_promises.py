@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from graspcast.cli.promises import confidence_of, print_alternatives, promised, rate_of
-from graspcast.guarantees.certificate import Guarantee
+from graspcast.guarantees.certificate import Certificate
 from graspcast.guarantees.certify import certify
 from graspcast.guarantees.promises import Alternative, Promise
 from graspcast.guarantees.threshold_sequence import ThresholdSequence
@@ -17,10 +17,10 @@ from worlds import ASKED
 SEQUENCE = ThresholdSequence((0.9,), (1.0,), "the test")
 
 
-def guarantee(scenes: int, held: int, *, accept_lower: bool = False) -> Guarantee:
+def certified(scenes: int, held: int, *, accept_lower: bool = False) -> Certificate:
     success = np.arange(scenes) < held
     given = np.full(scenes, 0.95), success, np.arange(scenes)
-    return certify(*given, sequence=SEQUENCE, accept_lower=accept_lower, **ASKED).overall
+    return certify(*given, sequence=SEQUENCE, accept_lower=accept_lower, **ASKED)
 
 
 def test_figures_are_never_rounded_up() -> None:
@@ -31,7 +31,7 @@ def test_figures_are_never_rounded_up() -> None:
 
 
 def test_too_few_scenes_get_an_answer() -> None:
-    said = promised(guarantee(10, 10), "scene")
+    said = promised(certified(10, 10), "scene")
     assert "Promised with confidence 0.9: a success rate of 0.794" in said
     assert "10 of 10 drawn attempts succeeded" in said
     assert "--accept-lower" in said
@@ -41,20 +41,20 @@ def test_too_few_scenes_get_an_answer() -> None:
 
 
 def test_what_was_asked_for_is_promised_and_more_would_have_been() -> None:
-    said = promised(guarantee(60, 60), "scene")
+    said = promised(certified(60, 60), "scene")
     assert said.startswith("What was asked for is promised. Had it been asked for beforehand")
     assert "a rate of 0.962" in said and "confidence 0.998" in said
     assert "--accept-lower" not in said
 
 
 def test_what_was_accepted_is_said_to_be_lower() -> None:
-    said = promised(guarantee(10, 9, accept_lower=True), "scene")
+    said = promised(certified(10, 9, accept_lower=True), "scene")
     assert "cannot be promised from these 10 scenes" in said
     assert "Accepted, and promised with confidence 0.9: 0.663" in said
 
 
 def test_nothing_is_promised_where_nothing_succeeds() -> None:
-    said = promised(guarantee(10, 0), "scene")
+    said = promised(certified(10, 0), "scene")
     assert "no rate above 0 can be promised" in said
     assert "no confidence above 0 could have been asked for" in said
 
@@ -69,6 +69,10 @@ def test_alternatives_are_called_no_promises(capsys: pytest.CaptureFixture[str])
         Alternative("all scenes weighted equally", "scene", 10, 0.8, None, 0.95, None),
     )
     print_alternatives(replace(certificate, alternatives=others))
+    assert "Fewer" not in promised(replace(certificate, alternatives=others), "scene")
+    fewer = replace(others[0], needed_units=12)
+    said = promised(replace(certificate, alternatives=(fewer,)), "scene")
+    assert "if it is asked for beforehand: one look, 12 new scenes" in said
     out = capsys.readouterr().out
     assert "no promises" in out
     assert "one look" in out and "10 scenes" in out and "40" in out

@@ -159,7 +159,7 @@ def _certify(options: argparse.Namespace) -> None:
     _print_guarantees(certificate, options.unit)
     print_alternatives(certificate)
     print_text(f"{options.out}: {certificate.overall}")
-    print_text(promised(certificate.overall, options.unit))
+    print_text(promised(certificate, options.unit))
 
 
 def _of_one_view(

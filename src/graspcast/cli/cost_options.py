@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import print_table, print_text
@@ -16,7 +15,8 @@ if TYPE_CHECKING:
 
 __all__ = ["add_costs", "costs_of", "print_thresholds"]
 
-_cost = number_type(lambda value: 0 <= value < math.inf, "a number, 0 or more, is")
+_MOST = 1_000_000.0
+_cost = number_type(lambda value: 0 <= value <= _MOST, "a number from 0 to 1,000,000 is")
 _DEFAULTS = {"cost_fail": 2.0, "cost_skip": 0.2, "cost_look": 0.05}
 
 

@@ -9,7 +9,7 @@ from graspcast.cli.console import print_table
 from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
-    from graspcast.guarantees.certificate import Certificate, Guarantee
+    from graspcast.guarantees.certificate import Certificate
     from graspcast.guarantees.promises import Promise
 
 __all__ = ["confidence_of", "print_alternatives", "promised", "rate_of"]
@@ -58,8 +58,9 @@ def print_alternatives(certificate: Certificate) -> None:
     print_table(title, header, rows)
 
 
-def promised(guarantee: Guarantee, unit: str) -> str:
-    """Say what the data promise, and what would give more: units, not trials."""
+def promised(certificate: Certificate, unit: str) -> str:
+    """Say what the data promise for all objects, and what would give more: units, not trials."""
+    guarantee = certificate.overall
     confidence = f"{guarantee.confidence:g}"
     rate = guarantee.rate if guarantee.asked_rate is None else guarantee.asked_rate
     most = guarantee.possible_confidence or 0.0
@@ -105,5 +106,15 @@ def promised(guarantee: Guarantee, unit: str) -> str:
             f"The cheapest way to {rate:g}: {counted(guarantee.needed_units, f'new {unit}')}, if "
             f"the success rate seen above {guarantee.reported_threshold:.3g} continues; more "
             f"grasps in the same {unit}s do not replace them."
+        )
+    fewest = min(
+        (other for other in certificate.alternatives if other.needed_units is not None),
+        key=lambda other: other.needed_units or 0,
+        default=None,
+    )
+    if fewest is not None and (fewest.needed_units or 0) < (guarantee.needed_units or math.inf):
+        lines.append(
+            f"Fewer would do for another guarantee, if it is asked for beforehand: {fewest.name}, "
+            f"{counted(fewest.needed_units or 0, f'new {fewest.unit}')}."
         )
     return "\n".join(lines)

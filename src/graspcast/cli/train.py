@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
     from graspcast.evaluation.threshold_trials import HeldOut
     from graspcast.forecasting.forecaster import Forecaster
+    from graspcast.forecasting.model_card import ModelCard
     from graspcast.forecasting.training_data import TrainingData
 
 __all__ = ["add"]
@@ -153,7 +154,6 @@ def _train(options: argparse.Namespace) -> None:
     from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
     from graspcast.forecasting.models.mlp.types import MlpSettings
-    from graspcast.forecasting.one_estimator import ALONE
     from graspcast.forecasting.train import fit_forecaster
 
     inputs = inputs_with_images(options)
@@ -200,14 +200,21 @@ def _train(options: argparse.Namespace) -> None:
     forecaster.save(options.out)
     note(*(f"Warning: {text}." for text in card.warnings))
     write_json(options.json, {"card": card.as_dict(), "thresholds": thresholds})
+    print_text(f"{options.out}: {_told(card, views=data.views is not None)}")
+
+
+def _told(card: ModelCard, *, views: bool) -> str:
+    """Say in one line what a model forecasts from what."""
+    from graspcast.forecasting.one_estimator import ALONE
+
     simulated = f" ({len(card.simulated)} by simulation alone)" if card.simulated else ""
     grasps = f" with {counted(len(card.targets), 'grasp')}" if card.grasps else ""
     together = f" with {', '.join(card.supporters)}" if card.supporters else " alone"
     seen = ", one view" if card.method == ALONE else ""
-    seen = ", one or more views" if data.views is not None else seen
+    seen = ", one or more views" if views else seen
     more = "".join(f", {n} of {name}" for name, n in card.learned_from.items())
-    print_text(
-        f"{options.out}: {options.principal}{together}{seen}, {options.gripper} gripper, "
+    return (
+        f"{card.principal}{together}{seen}, {card.gripper} gripper, "
         f"{counted(len(card.objects), 'object')}{simulated}{grasps}, "
         f"{counted(card.samples, 'sample')}{more}"
     )

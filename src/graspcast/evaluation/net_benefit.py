@@ -79,6 +79,14 @@ class Costs:
         """The probability from which attempting is better than abstaining, from 0 to 1."""
         return max(0.0, (self.failure - self.abstention) / (1.0 + self.failure))
 
+    def of_one_look(self) -> dict[str, float]:
+        """Return the costs that matter with one look, and the break-even probability, for JSON."""
+        return {
+            "failure": self.failure,
+            "abstention": self.abstention,
+            "break_even": self.break_even,
+        }
+
     def net_benefit(
         self, attempt: Bool[ndarray, " n"], success: Bool[ndarray, " n"]
     ) -> Float[ndarray, " n"]:
