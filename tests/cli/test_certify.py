@@ -126,6 +126,36 @@ def test_without_a_threshold_the_verb_says_so(
     assert Certificate.load(path).overall.threshold is None
 
 
+def test_without_a_threshold_a_lower_rate_is_promised_and_used_if_accepted(
+    world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked, lower = tmp_path / "asked.json", tmp_path / "lower.json"
+    hard = ["--rate", "0.99", "--confidence", "0.99"]
+    assert main(certify(world, asked, *hard)) == 0
+    out = capsys.readouterr().out
+    assert "Promised with confidence 0.99: a success rate of" in out
+    assert "--accept-lower" in out
+    assert "no promises" in out and "all scenes weighted equally" in out
+    assert main(certify(world, lower, *hard, "--accept-lower")) == 0
+    assert "the rate asked for was 0.99" in capsys.readouterr().out
+    first, second = (Certificate.load(path) for path in (asked, lower))
+    assert first.overall.lower is not None
+    assert second.overall.threshold == first.overall.lower.threshold
+    assert second.overall.rate == first.overall.lower.rate
+    assert second.alternatives == first.alternatives
+    verdicts = tmp_path / "v.csv"
+    command = ["predict", "--bop", str(world / "made"), *estimates(world, "new")]
+    command += ["--model", str(world / "m.npz"), "--out", str(verdicts)]
+    assert main([*command, "--certificate", str(asked)]) == 0
+    out = capsys.readouterr().out
+    assert ", 0 to attempt" in out
+    assert "Nothing is attempted; certify --accept-lower accepts the lower rate" in out
+    assert main([*command, "--certificate", str(lower)]) == 0
+    out = capsys.readouterr().out
+    assert ", 0 to attempt" not in out
+    assert f"at a rate of at least {int(second.overall.rate * 1000) / 1000:g}" in out
+
+
 def test_scenes_that_were_trained_on_are_refused(
     world: Path,
     tmp_path: Path,

@@ -49,6 +49,10 @@ def test_the_verb(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) 
     content = json.loads(figures.read_text())
     assert content["following"]["value"] == 1.0
     assert content["attempts"] == 5
+    assert "10 grasps in 4 scenes, views as they were" in out
+    rows = content["thresholds"]["rows"]
+    assert {row["threshold"] for row in rows} >= {0.0, 0.6}
+    assert rows[-1]["success"]["value"] == 0.6
 
 
 def test_files_that_are_none(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:

@@ -41,7 +41,7 @@ def test_certificates_are_read_as_they_were_written(
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (["format"], 1, "format 1, not 3; certify again"),
+        (["format"], 1, "format 1, not 4; certify again"),
         (["weight"], "moon", "unknown weight 'moon'"),
         (["rate"], "x", "certify again"),
         (["guarantees"], [], "overall guarantee is not the first"),

@@ -21,6 +21,7 @@ from graspcast.cli.options import (
     share,
     write_json,
 )
+from graspcast.cli.promises import confidence_of, print_alternatives, promised, rate_of
 from graspcast.cli.view_options import add_policy, motions_of, policy_options
 from graspcast.io.wording import counted
 
@@ -41,9 +42,9 @@ def add(verbs: Verbs) -> None:
         _certify,
         "a threshold with a guaranteed success rate",
         "Find the threshold at which attempted grasps succeed at a given rate, with a given\n"
-        "confidence, from outcomes that were not used in training. If there is none, say how\n"
-        "much data would be needed. Scenes (or images) are assumed to be independent; the trials\n"
-        "within one need not be.",
+        "confidence, from outcomes that were not used in training. If there is none, say what can\n"
+        "be promised instead, and how much data would be needed. Scenes (or images) are assumed\n"
+        "to be independent; the trials within one need not be.",
     )
     add_inputs(verb)
     add_images(verb)
@@ -69,6 +70,12 @@ def add(verbs: Verbs) -> None:
 
 def _add_guarantee_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--rate", metavar="P", type=share, default=0.9, help="default: 0.9")
+    verb.add_argument(
+        "--accept-lower",
+        action="store_true",
+        help="where this rate cannot be promised, certify the highest lower one that can; without "
+        "this nothing would be attempted",
+    )
     verb.add_argument("--confidence", metavar="P", type=share, default=0.9, help="default: 0.9")
     verb.add_argument(
         "--unit",
@@ -131,6 +138,7 @@ def _certify(options: argparse.Namespace) -> None:
         simultaneous=options.simultaneous,
         other_guarantees=options.other_guarantees,
         sequence_share=options.sequence_share,
+        accept_lower=options.accept_lower,
         seed=options.seed,
         allow_training_scenes=options.allow_training_scenes,
     )
@@ -149,7 +157,9 @@ def _certify(options: argparse.Namespace) -> None:
     certificate.save(options.out)
     write_json(options.json, certificate.as_dict())
     _print_guarantees(certificate, options.unit)
+    print_alternatives(certificate)
     print_text(f"{options.out}: {certificate.overall}")
+    print_text(promised(certificate, options.unit))
 
 
 def _of_one_view(
@@ -203,6 +213,7 @@ def _print_guarantees(certificate: Certificate, unit: str) -> None:
         title += f"; {certificate.policy}"
     header = ["scope", "threshold", "reported at", f"{unit}s", "drawn attempts", "succeeded"]
     header += ["lower bound", "attempt rate", "interval", "success rate", f"{unit}s needed"]
+    header += ["highest rate", "highest confidence"]
     print_table(title, header, [_row(g) for g in certificate.guarantees])
 
 
@@ -212,7 +223,7 @@ def _row(guarantee: Guarantee) -> list[str]:
     if guarantee.attempts:
         success_rate = f"{guarantee.successful_attempts / guarantee.attempts:.3f}"
     needed = "-"
-    if guarantee.threshold is None:
+    if guarantee.threshold is None or guarantee.is_lower:
         needed = "> 10,000" if guarantee.needed_units is None else str(guarantee.needed_units)
     return [
         guarantee.scope,
@@ -226,4 +237,6 @@ def _row(guarantee: Guarantee) -> list[str]:
         f"{low:.3f}-{high:.3f}",
         success_rate,
         needed,
+        rate_of(guarantee.best),
+        "-" if (most := guarantee.possible_confidence) is None else confidence_of(most),
     ]

@@ -186,6 +186,12 @@ def _steps(
             + ["--max-views", str(looks), "--max-looks", str(LOOKS), "--guide", "fused"]
             + ["--threshold", threshold, "--out", str(files.verdicts(looks))],
         )
+    tried = [text for n in (1, LOOKS) for text in ("--outcomes", str(files.trials(n)))]
+    yield (
+        f"What other thresholds would be worth after {_COUNT[LOOKS]}, if a failure is dear",
+        ["score", "--verdicts", str(files.verdicts(LOOKS)), *tried, "--cost-fail", "10"]
+        + ["--cost-skip", "0.2", "--cost-look", "0.05"],
+    )
     yield from _pictures(files, dataset, mine, gripper)
 
 

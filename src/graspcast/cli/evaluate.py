@@ -224,7 +224,7 @@ def _evaluate(options: argparse.Namespace) -> None:
         "protocols": {name: PROTOCOLS[name] for name in protocols},
         "methods": {n: (inspect.getdoc(m) or "").partition("\n")[0] for n, m in methods.items()},
         "settings": {name: repr(method) for name, method in methods.items()},
-        "costs": {**asdict(costs), "break_even": costs.break_even},
+        "costs": costs.of_one_look(),
         "bootstrap": {**asdict(bootstrap), "unit": "scene, or block of frames of an only scene"},
         "seed": options.seed,
         "data": benchmark.digest(own_trials=True),

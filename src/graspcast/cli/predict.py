@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text
+from graspcast.cli.cost_options import add_costs, costs_of, print_thresholds
 from graspcast.cli.options import (
     Verbs,
     add_images,
     add_inputs,
+    add_json,
     add_ood_alpha,
     add_out,
     count,
@@ -20,6 +22,7 @@ from graspcast.cli.options import (
     new_verb,
     positive,
     share,
+    write_json,
 )
 from graspcast.cli.view_options import add_policy, motions_of, policy_options
 from graspcast.errors import InputError, MismatchError
@@ -29,7 +32,7 @@ if TYPE_CHECKING:
     from graspcast.estimates.instances import InstanceKey
     from graspcast.estimates.loading import Inputs
     from graspcast.forecasting.fallbacks import Fallbacks
-    from graspcast.forecasting.verdict import VerdictRow
+    from graspcast.forecasting.verdict import InstanceLooks, VerdictRow
 
 __all__ = ["add"]
 
@@ -88,6 +91,8 @@ def add(verbs: Verbs) -> None:
     _add_stages(verb)
     _add_grasps(verb)
     _add_transferred(verb)
+    add_costs(verb)
+    add_json(verb)
     add_out(verb, "the verdicts' CSV", others=("stages", "grasps_out"))
 
 
@@ -166,6 +171,7 @@ def _predict(options: argparse.Namespace) -> None:
     }
     motions = motions_of(options, inputs)
     inputs.add_notes(one_view_notes(models, options.guide, views=bool(motions)))
+    looks: list[InstanceLooks] = []
     if motions or options.guide is not None or options.max_looks > 1 or options.stages:
         if options.explain:
             raise InputError("--explain is of one view: leave out --camera-poses and --guide")
@@ -186,8 +192,11 @@ def _predict(options: argparse.Namespace) -> None:
     warnings = (f"Warning: {text}." for model in models for text in model.card.warnings)
     note(*inputs.notes, *inputs.lengths, *warnings)
     _print_counts(options.out, rows)
+    _print_thresholds(options, models, rows, looks)
     for certificate in certificates:
         print_text(str(certificate.overall))
+        if certificate.overall.lower is not None:
+            print_text("Nothing is attempted; certify --accept-lower accepts the lower rate.")
 
 
 def _check_reachable(
@@ -250,3 +259,38 @@ def _print_counts(path: Path, rows: Sequence[VerdictRow]) -> None:
         + (f", {again} to look again" if again else "")
         + (f", {unusual} out of distribution" if unusual else "")
     )
+
+
+def _print_thresholds(
+    options: argparse.Namespace,
+    models: Fallbacks,
+    rows: Sequence[VerdictRow],
+    looks: Sequence[InstanceLooks],
+) -> None:
+    """Print what the forecasts expect of thresholds, and what training measured beside it."""
+    from graspcast.evaluation.threshold_table import threshold_table
+    from graspcast.evaluation.threshold_trials import (
+        stored_trials,
+        threshold_in_use,
+        trials_of_looks,
+        trials_of_verdicts,
+    )
+
+    if not rows:
+        write_json(options.json, {"expected": None, "held_out_in_training": None})
+        return
+    asked = threshold_in_use(rows)
+    trials = trials_of_looks(looks) if looks else trials_of_verdicts(rows)
+    table = threshold_table(trials, costs_of(options), asked=asked, most=asked if looks else None)
+    measured = None
+    # What a model keeps is of single views, guided by its principal.
+    if len(models.forecasters) == 1 and all(row.views == 1 for row in rows) and not looks:
+        stored = stored_trials(models.forecasters[0])
+        if stored is not None:
+            measured = threshold_table(
+                stored, table.costs, asked=asked, at=[row.threshold for row in table.rows]
+            )
+    what = "without outcomes: what the forecasts expect"
+    print_thresholds(table, options, what, measured=measured)
+    held_out = None if measured is None else measured.as_dict()
+    write_json(options.json, {"expected": table.as_dict(), "held_out_in_training": held_out})

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_table
+from graspcast.cli.cost_options import add_costs, costs_of, print_thresholds
 from graspcast.cli.options import Verbs, add_json, add_outcomes, new_verb, write_json
 from graspcast.io.wording import counted
 
@@ -27,7 +28,8 @@ def add(verbs: Verbs) -> None:
         "following the verdicts, and how many are attempted then; with 95 % intervals by drawing\n"
         "scenes. The outcomes should be of scenes that training has not seen. Verdicts and\n"
         "outcomes are joined by dataset, image, object, est_id, principal, gripper and grasp.\n\n"
-        "With --stages: what looking again is worth, beside one look and always all looks.",
+        "With --stages: what looking again is worth, beside one look and always all looks.\n\n"
+        "A table says what other thresholds would be worth on these grasps.",
     )
     what = verb.add_mutually_exclusive_group(required=True)
     what.add_argument("--verdicts", metavar="FILE", type=Path, help="what predict has written")
@@ -39,6 +41,7 @@ def add(verbs: Verbs) -> None:
         "guides: of the principal, and of fused2, fused3 and so on",
     )
     add_outcomes(verb, required=True)
+    add_costs(verb)
     add_json(verb)
 
 
@@ -80,27 +83,35 @@ def _score(options: argparse.Namespace) -> None:
 def _score_stages(options: argparse.Namespace) -> None:
     from graspcast.estimates.outcomes import read_all_outcomes
     from graspcast.evaluation.look_scores import score_looks, stages_of
+    from graspcast.evaluation.threshold_table import threshold_table
+    from graspcast.evaluation.threshold_trials import threshold_in_use, trials_of_looks
     from graspcast.forecasting.stage_file import read_stages
 
     outcomes = read_all_outcomes(options.outcomes)
-    found = score_looks(stages_of(read_stages(options.stages), outcomes))
+    looks = read_stages(options.stages)
+    found = score_looks(stages_of(looks, outcomes))
     if found.untried:
         note(f"left out {counted(found.untried, 'instance')} without an outcome after some look")
     title = f"{counted(found.n, 'grasp')} in {counted(found.scenes, 'scene')}"
     title += ", 95 % intervals by drawing scenes"
     print_policies(found, title, attempts=True)
-    write_json(options.json, found.as_dict())
+    most = threshold_in_use([row for each in looks for row in each.rows])
+    table = threshold_table(
+        trials_of_looks(looks, outcomes), costs_of(options), asked=most, most=most
+    )
+    print_thresholds(table, options, "looking again")
+    write_json(options.json, {**found.as_dict(), "thresholds": table.as_dict()})
 
 
 def _score_verdicts(options: argparse.Namespace) -> None:
     from graspcast.estimates.outcomes import read_all_outcomes
+    from graspcast.evaluation.threshold_table import threshold_table
+    from graspcast.evaluation.threshold_trials import threshold_in_use, trials_of_verdicts
     from graspcast.evaluation.verdict_scores import score_verdicts
     from graspcast.forecasting.verdict_file import read_verdicts
 
-    found = score_verdicts(
-        read_verdicts(options.verdicts),
-        read_all_outcomes(options.outcomes),
-    )
+    verdicts, outcomes = read_verdicts(options.verdicts), read_all_outcomes(options.outcomes)
+    found = score_verdicts(verdicts, outcomes)
     if found.untried:
         note(f"left out {counted(found.untried, 'verdict')} without an outcome")
     if found.following is None:
@@ -119,4 +130,10 @@ def _score_verdicts(options: argparse.Namespace) -> None:
     title = f"{counted(found.n, 'grasp')} in {counted(found.scenes, 'scene')}"
     title += ", 95 % intervals by drawing scenes"
     print_table(title, ["", "success rate", "attempt rate", "attempts"], rows)
-    write_json(options.json, found.as_dict())
+    table = threshold_table(
+        trials_of_verdicts(verdicts, outcomes),
+        costs_of(options),
+        asked=threshold_in_use(verdicts),
+    )
+    print_thresholds(table, options, "views as they were")
+    write_json(options.json, {**found.as_dict(), "thresholds": table.as_dict()})

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from graspcast.cli.console import note, print_table, print_text, progress_bar
+from graspcast.cli.cost_options import add_costs, costs_of, print_thresholds
 from graspcast.cli.options import (
     Verbs,
     add_images,
@@ -24,8 +25,10 @@ from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
+    from graspcast.evaluation.threshold_trials import HeldOut
+    from graspcast.forecasting.forecaster import Forecaster
+    from graspcast.forecasting.model_card import ModelCard
     from graspcast.forecasting.training_data import TrainingData
-    from graspcast.io.progress import Progress
 
 __all__ = ["add"]
 
@@ -87,6 +90,7 @@ def add(verbs: Verbs) -> None:
         action="store_true",
         help="also score each object by a forecaster trained without it",
     )
+    add_costs(verb)
     add_out(verb, "the model's file (npz)")
     add_json(verb)
 
@@ -146,10 +150,10 @@ def _train(options: argparse.Namespace) -> None:
     from dataclasses import replace
 
     from graspcast.evaluation.cross_validation import cross_validate
+    from graspcast.evaluation.threshold_trials import held_out
     from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
     from graspcast.forecasting.models.mlp.types import MlpSettings
-    from graspcast.forecasting.one_estimator import ALONE
     from graspcast.forecasting.train import fit_forecaster
 
     inputs = inputs_with_images(options)
@@ -171,13 +175,16 @@ def _train(options: argparse.Namespace) -> None:
     scored = bool(options.outcomes)
     if not scored:
         note("no scores, since without --outcomes there are no outcomes to compare forecasts with")
+    others: dict[str, HeldOut] = {}
     if scored and options.folds > 1:
+        folds = {"folds": options.folds, "seed": options.seed}
         with progress_bar("cross-validating") as move:
-            scores |= _scores(data, options, settings, move)
+            others = held_out(data, progress=move, **folds, **settings)
+        scores |= {name: found.scores.as_dict() for name, found in others.items()}
     if scored and options.unseen_objects:
         with progress_bar("leaving out each object") as move:
-            found = cross_validate(data, by="object", progress=move, **settings)
-        scores["unseen_objects"] = found.as_dict()
+            by_object = cross_validate(data, by="object", progress=move, **settings)
+        scores["unseen_objects"] = by_object.as_dict()
     with progress_bar("training") as move:
         forecaster = fit_forecaster(data, progress=move, **settings)
     card = replace(forecaster.card, scores=scores)
@@ -189,45 +196,52 @@ def _train(options: argparse.Namespace) -> None:
         ]
         header = [card.method, *(name.replace("_", " ") for name in scores)]
         print_table(f"{card.method}, cross-validated scores", header, rows)
+    thresholds = _print_thresholds(options, forecaster, others)
     forecaster.save(options.out)
     note(*(f"Warning: {text}." for text in card.warnings))
-    write_json(options.json, {"card": card.as_dict()})
+    write_json(options.json, {"card": card.as_dict(), "thresholds": thresholds})
+    print_text(f"{options.out}: {_told(card, views=data.views is not None)}")
+
+
+def _told(card: ModelCard, *, views: bool) -> str:
+    """Say in one line what a model forecasts from what."""
+    from graspcast.forecasting.one_estimator import ALONE
+
     simulated = f" ({len(card.simulated)} by simulation alone)" if card.simulated else ""
     grasps = f" with {counted(len(card.targets), 'grasp')}" if card.grasps else ""
     together = f" with {', '.join(card.supporters)}" if card.supporters else " alone"
     seen = ", one view" if card.method == ALONE else ""
-    seen = ", one or more views" if data.views is not None else seen
+    seen = ", one or more views" if views else seen
     more = "".join(f", {n} of {name}" for name, n in card.learned_from.items())
-    print_text(
-        f"{options.out}: {options.principal}{together}{seen}, {options.gripper} gripper, "
+    return (
+        f"{card.principal}{together}{seen}, {card.gripper} gripper, "
         f"{counted(len(card.objects), 'object')}{simulated}{grasps}, "
         f"{counted(card.samples, 'sample')}{more}"
     )
 
 
-def _scores(
-    data: TrainingData, options: argparse.Namespace, settings: dict[str, Any], move: Progress
-) -> dict[str, dict[str, Any]]:
-    """Return cross-validated scores on unseen scenes, with several views too if there are any."""
-    from dataclasses import replace
+_SEEN = {
+    "unseen_scenes": "one look, each grasp forecast without its scene",
+    "unseen_scenes_views": "two or three looks, each grasp forecast without its scene",
+    "stored": "one look, each grasp forecast without its scene, as the model keeps it",
+}
 
-    import numpy as np
 
-    from graspcast.evaluation.cross_validation import cross_validate, cross_validated_with_views
-    from graspcast.evaluation.scores import score
+def _print_thresholds(
+    options: argparse.Namespace, forecaster: Forecaster, others: dict[str, HeldOut]
+) -> dict[str, Any]:
+    """Print what thresholds are worth on scenes that are held out; return the tables, for JSON."""
+    from graspcast.evaluation.threshold_table import threshold_table
+    from graspcast.evaluation.threshold_trials import stored_trials
 
-    how = {"folds": options.folds, "seed": options.seed, "progress": move, **settings}
-    if data.views is None or data.others:
-        # With several grasps the scores are of the grasps that are chosen from one view.
-        return {"unseen_scenes": cross_validate(replace(data, views=None), **how).as_dict()}
-    tried = data.tried()
-    out = {}
-    names = ("unseen_scenes", "unseen_scenes_views")
-    for name, found in zip(names, cross_validated_with_views(data, **how), strict=True):
-        known = ~np.isnan(found)
-        if known.any():
-            success = tried.own_success[known] == 1
-            out[name] = score(found[known], success, tried.objects[known]).as_dict()
+    given = {name: found.trials for name, found in others.items()}
+    if not given and options.outcomes and (stored := stored_trials(forecaster)) is not None:
+        given = {"stored": stored}
+    out: dict[str, Any] = {}
+    for name, trials in given.items():
+        table = threshold_table(trials, costs_of(options), seed=options.seed)
+        print_thresholds(table, options, _SEEN[name])
+        out[name] = table.as_dict()
     return out
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,10 @@ from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.training_data import TrainingData
 from graspcast.guarantees.certificate import Certificate
 from graspcast.guarantees.certify import certify
+from graspcast.guarantees.promises import Alternative
 from graspcast.guarantees.threshold_sequence import (
     ThresholdSequence,
+    default_sequence,
     learn_sequence,
     split_sequence,
 )
@@ -51,6 +53,7 @@ class GuaranteeOptions:
     simultaneous: bool = False
     other_guarantees: int = 0
     sequence_share: float = 0.0
+    accept_lower: bool = False
     seed: int = 0
     allow_training_scenes: bool = False
 
@@ -96,6 +99,7 @@ def certify_forecaster(
     simultaneous: bool = False,
     other_guarantees: int = 0,
     sequence_share: float = 0.0,
+    accept_lower: bool = False,
     seed: int = 0,
     allow_training_scenes: bool = False,
 ) -> Certificate:
@@ -109,7 +113,7 @@ def certify_forecaster(
         Calibration data: instances of scenes that were not used in training, of the forecaster's
         principal and gripper. Those without an outcome of the grasp that the verdict chooses are
         left out.
-    rate, confidence, weight, simultaneous, other_guarantees, seed
+    rate, confidence, weight, simultaneous, other_guarantees, accept_lower, seed
         As for :func:`graspcast.certify`.
     unit
         The independent unit, ``scene`` or ``image``. Images of a video are not independent.
@@ -153,6 +157,7 @@ def certify_forecaster(
         simultaneous=simultaneous,
         other_guarantees=other_guarantees,
         sequence_share=sequence_share,
+        accept_lower=accept_lower,
         seed=seed,
         allow_training_scenes=allow_training_scenes,
     )
@@ -228,12 +233,18 @@ def certify_trials(
         share, seed = asked.sequence_share, asked.seed
         sequence, kept = split_sequence(*given, share=share, seed=seed, **target)
     objects = trials.instances.objects[kept] if asked.per_object else None
-    return certify(
-        *(values[kept] for values in given),
+    mine = CalibrationTrials(
+        trials.instances.select(kept), trials.probability[kept], trials.success[kept]
+    )
+    certificate = certify(
+        mine.probability,
+        mine.success,
+        units[kept],
         objects=objects,
         sequence=sequence,
         simultaneous=asked.simultaneous,
         other_guarantees=asked.other_guarantees,
+        accept_lower=asked.accept_lower,
         seed=asked.seed,
         provenance={
             "model": card.digest,
@@ -249,6 +260,51 @@ def certify_trials(
         },
         **target,
     )
+    return replace(certificate, alternatives=_alternatives(mine, asked, sequence))
+
+
+def _alternatives(
+    trials: CalibrationTrials, asked: GuaranteeOptions, sequence: ThresholdSequence
+) -> tuple[Alternative, ...]:
+    """Return what would have been promised, had something else been asked for beforehand.
+
+    Images are no alternative to scenes: those of a video are not independent, which is not to be
+    seen in the data.
+    """
+    usual: dict[str, Any] = {"weight": asked.weight, "sequence": sequence}
+    names = {kind: unit_names(trials.instances, kind) for kind in (asked.unit, "scene")}
+    looks = trials.probability.shape[1]
+    changed: list[tuple[str, UnitKind, int, dict[str, Any]]] = []
+    other: Weight = "unit" if asked.weight == "attempt" else "attempt"
+    what = {
+        "unit": f"all {asked.unit}s weighted equally",
+        "attempt": "all attempts weighted equally",
+    }
+    changed.append((what[other], asked.unit, looks, {"weight": other}))
+    if (fixed := default_sequence(asked.rate)) != sequence:
+        changed.append(("thresholds that no data chose", asked.unit, looks, {"sequence": fixed}))
+    if asked.unit != "scene":
+        changed.append(("scenes as units", "scene", looks, {}))
+    for fewer in range(1, looks):
+        name = "one look" if fewer == 1 else f"at most {fewer} looks"
+        changed.append((name, asked.unit, fewer, {}))
+    out = []
+    for name, unit, taken, more in changed:
+        found = certify(
+            trials.probability[:, :taken],
+            trials.success[:, :taken],
+            names[unit],
+            rate=asked.rate,
+            confidence=asked.confidence,
+            seed=asked.seed,
+            **{**usual, **more},
+        ).overall
+        confidence = found.possible_confidence or 0.0
+        needed = found.needed_units
+        out.append(
+            Alternative(name, unit, found.units, found.threshold, found.best, confidence, needed)
+        )
+    return tuple(out)
 
 
 def _grasps(card: ModelCard) -> str | list[str]:

@@ -24,10 +24,12 @@ from graspcast.io.arguments import a, checked
 from graspcast.io.progress import Progress, step_of
 
 __all__ = [
+    "choices_on_other_scenes",
     "cross_validate",
     "cross_validated",
     "cross_validated_by_views",
     "cross_validated_with_views",
+    "views_scored",
 ]
 
 SCORED_VIEWS = 3
@@ -77,13 +79,19 @@ def cross_validated(
         which an unseen object shares.
     """
     how: dict[str, Any] = {"by": by, "folds": folds, "seed": seed, "progress": progress}
-    return _choices(training_data, **how, **options)[0]
+    return choices_on_other_scenes(training_data, **how, **options)[0]
 
 
-def _choices(
+def choices_on_other_scenes(
     training_data: TrainingData, *, by: Literal["scene", "object"] = "scene", **options: Any
 ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
-    """Return out-of-fold probabilities, and the outcomes of the grasps that they are of."""
+    """Return what :func:`cross_validated` does, and the outcomes of the grasps that it is of.
+
+    Parameters
+    ----------
+    training_data, by, options
+        As for :func:`cross_validated`.
+    """
     tried = training_data.tried()
     if by == "object":
         training_data.refuse_several(
@@ -204,10 +212,7 @@ def _seen(
     assert views is not None
     if forecaster.view_model is None:
         return np.empty(0, dtype=np.int64), np.empty(0)
-    kept = np.flatnonzero((views.views > 1) & (views.views <= SCORED_VIEWS))
-    order = kept[np.lexsort((views.views[kept], views.row[kept]))]
-    _, first = np.unique(views.row[order][::-1], return_index=True)
-    last = order[len(order) - 1 - first]
+    last = _most_views(views.views, views.row)
     row, estimates = views.row[last], data.estimates
     return row, view_probabilities(
         forecaster,
@@ -217,6 +222,21 @@ def _seen(
         estimates.of(data.principal)[row],
         models,
     )
+
+
+def views_scored(data: TrainingData) -> tuple[Int[ndarray, " m"], Int[ndarray, " m"]]:
+    """Return which instances are forecast from two or three views, and from how many."""
+    assert data.views is not None
+    last = _most_views(data.views.views, data.views.row)
+    return data.views.row[last], data.views.views[last]
+
+
+def _most_views(views: Int[ndarray, " k"], row: Int[ndarray, " k"]) -> Int[ndarray, " m"]:
+    """Return of each instance's fusions the one of most views, of those with two or three."""
+    kept = np.flatnonzero((views > 1) & (views <= SCORED_VIEWS))
+    order = kept[np.lexsort((views[kept], row[kept]))]
+    _, first = np.unique(row[order][::-1], return_index=True)
+    return np.asarray(order[len(order) - 1 - first])
 
 
 def _folds(
@@ -275,7 +295,7 @@ def cross_validate(training_data: TrainingData, **options: Any) -> Scores:
     options
         Those of :func:`cross_validated`.
     """
-    probability, success = _choices(training_data, **options)
+    probability, success = choices_on_other_scenes(training_data, **options)
     scored = ~np.isnan(probability)
     objects = training_data.tried().objects
     return score(probability[scored], success[scored] == 1, objects[scored])

@@ -11,6 +11,9 @@ on. With an abstention cost of 0 this is decision-curve analysis: its net benefi
 TP/n - FP/n t/(1 - t), is the mean benefit per instance here, since t/(1 - t) is then the cost of a
 failure.
 
+Where an instance is looked at several times, every look after the first costs ``look``. It is paid
+whether an attempt follows or not, so the break-even probability after the last look is the same.
+
 References
 ----------
 Vickers and Elkin (2006). Decision curve analysis: a novel method for evaluating prediction models.
@@ -29,6 +32,8 @@ from graspcast.errors import InputError
 
 __all__ = ["Costs"]
 
+_PARAMETERS = {"failure": "failure_cost", "abstention": "abstain_cost", "look": "look_cost"}
+
 
 @dataclass(frozen=True)
 class Costs:
@@ -40,6 +45,8 @@ class Costs:
         Of an attempt that fails.
     abstention
         Of not attempting.
+    look
+        Of each look after the first.
 
     Raises
     ------
@@ -49,9 +56,10 @@ class Costs:
 
     failure: float = 2.0
     abstention: float = 0.2
+    look: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, parameter in (("failure", "failure_cost"), ("abstention", "abstain_cost")):
+        for name, parameter in _PARAMETERS.items():
             value = getattr(self, name)
             if not 0 <= value < np.inf:
                 raise InputError(
@@ -60,10 +68,24 @@ class Costs:
                     parameters=(parameter,),
                 )
 
+    def __str__(self) -> str:
+        return (
+            f"failure {self.failure:g}, skip {self.abstention:g}, further look {self.look:g} "
+            "(a success gains 1)"
+        )
+
     @property
     def break_even(self) -> float:
         """The probability from which attempting is better than abstaining, from 0 to 1."""
         return max(0.0, (self.failure - self.abstention) / (1.0 + self.failure))
+
+    def of_one_look(self) -> dict[str, float]:
+        """Return the costs that matter with one look, and the break-even probability, for JSON."""
+        return {
+            "failure": self.failure,
+            "abstention": self.abstention,
+            "break_even": self.break_even,
+        }
 
     def net_benefit(
         self, attempt: Bool[ndarray, " n"], success: Bool[ndarray, " n"]

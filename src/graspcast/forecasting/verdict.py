@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -25,6 +26,7 @@ __all__ = [
     "VerdictRow",
     "check_threshold",
     "decide",
+    "said_by",
     "verdict_rows",
 ]
 
@@ -193,7 +195,7 @@ def decide(
         reason = f"probability {probability:.3f} {sign} {threshold:g}"
     if disagreement is not None and unusual:
         why = disagreement.excess or f"p-value {disagreement.p_value:.4f}"
-        reason += f"; out-of-distribution disagreement ({why})"
+        reason += f"; {_UNUSUAL} ({why})"
     elif disagreement is not None and unusual is None:
         reason += (
             f"; novelty not checkable at level {ood_alpha:g} (smallest p-value "
@@ -212,6 +214,28 @@ def decide(
         False if disagreement is None else unusual,
         tuple(attribution),
     )
+
+
+_UNUSUAL = "out-of-distribution disagreement"
+_COMPARED = re.compile(r"probability [0-9.]+ (?:>=|<) ([0-9.e+-]+)")
+
+
+def said_by(reason: str) -> tuple[float | None, bool]:
+    """Return what a reason of :func:`decide` says.
+
+    Returns
+    -------
+        The threshold, to six digits, or None; and whether the disagreement was out of distribution.
+    """
+    found = _COMPARED.match(reason)
+    threshold = None
+    if found is not None:
+        try:
+            threshold = float(found.group(1))
+        except ValueError:
+            threshold = None
+    known = threshold is not None and _is_share(threshold)
+    return threshold if known else None, _UNUSUAL in reason
 
 
 def chosen(verdict: Verdict, grasps: tuple[GraspForecast, ...]) -> Verdict:

@@ -15,7 +15,7 @@ from numpy import ndarray
 from graspcast.bop.units import metres, millimetres
 from graspcast.errors import FormatError
 from graspcast.estimates.instances import KEY_COLUMNS, InstanceKey
-from graspcast.forecasting.verdict import Verdict, VerdictRow
+from graspcast.forecasting.verdict import Verdict, VerdictRow, said_by
 from graspcast.io.arguments import PATH, a, checked, refuse_unless, sequence
 from graspcast.io.files import write_text
 from graspcast.io.reading import read_text
@@ -180,6 +180,7 @@ def _verdict_row(row: dict[str, str], path: str | PathLike[str], where: str) -> 
             path, f"the probability is {row['probability']}, not from 0 to 1", where=where
         )
     numbers = (_number(row[name], name, path, where) for name in _NUMBERS)
+    threshold, unusual = said_by(row["reason"])
     return VerdictRow(
         key=InstanceKey(row["dataset"], *numbers),
         principal=row["principal"],
@@ -189,6 +190,8 @@ def _verdict_row(row: dict[str, str], path: str | PathLike[str], where: str) -> 
             said == "attempt",
             probability,
             row["reason"],
+            threshold,
+            out_of_distribution=unusual,
             look=_look(row, path, where) if said == "look again" else None,
             grasp=row["grasp"],
         ),

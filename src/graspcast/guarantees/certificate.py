@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from os import PathLike
@@ -9,6 +10,7 @@ from typing import Any, get_args
 
 from graspcast.errors import FormatError, GraspcastError, MismatchError, UnknownNameError
 from graspcast.guarantees.look_policy import LookPolicy, check_policy
+from graspcast.guarantees.promises import Alternative, Promise, limit_of_rate
 from graspcast.guarantees.threshold_sequence import ThresholdSequence
 from graspcast.guarantees.unit_draws import Weight
 from graspcast.io.arguments import PATH, checked
@@ -21,9 +23,11 @@ OVERALL = "all objects"
 """The scope of the guarantee for all objects together."""
 MAX_UNITS = 10_000
 """How many units :attr:`Guarantee.needed_units` is searched among."""
-_FORMAT = 3
-_READ = (2, _FORMAT)
-"""Format 2 has no policy: it is of the principal's one view."""
+_FORMAT = 4
+_READ = (2, 3, _FORMAT)
+_FORMER: Mapping[str, Any] = {"policy": None, "alternatives": ()}
+"""Format 2 has no policy: it is of the principal's one view. Before 4 nothing says what else the
+data promise."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,8 @@ class Guarantee:
     threshold
         Attempt at this probability or above it; None if no threshold can be certified.
     rate
-        Attempts succeed at this rate or above it.
+        Attempts succeed at this rate or above it: the rate that was asked for, or a lower one that
+        was accepted.
     confidence
         1 - the probability of certifying a threshold that does not reach the rate.
     units, trials
@@ -62,6 +67,15 @@ class Guarantee:
         Without a certified threshold: how many *new* units would certify ``reported_threshold`` if
         testing starts there and the success rate seen there continues; None if more than
         :data:`MAX_UNITS`.
+    asked_rate
+        The rate that was asked for; ``rate`` if None.
+    best
+        The highest rate at ``confidence``. Without a certified threshold it is promised, and holds
+        if it is accepted (:mod:`graspcast.guarantees.promises`). With one it says what would have
+        been promised, had it been asked for beforehand. None if it is 0, or unknown.
+    possible_confidence
+        The highest confidence at which the rate asked for would have been certified, had that been
+        asked for beforehand; None if unknown.
     """
 
     scope: str
@@ -79,6 +93,24 @@ class Guarantee:
     attempt_rate: float
     attempt_rate_interval: tuple[float, float]
     needed_units: int | None = None
+    asked_rate: float | None = None
+    best: Promise | None = None
+    possible_confidence: float | None = None
+
+    @property
+    def is_lower(self) -> bool:
+        """Whether a lower rate than the one asked for was accepted."""
+        return self.asked_rate is not None and self.rate < self.asked_rate
+
+    @property
+    def lower(self) -> Promise | None:
+        """The lower rate that is promised if it is accepted, where the one asked for is not."""
+        return self.best if self.threshold is None else None
+
+    @property
+    def limit(self) -> float:
+        """The highest rate that so many units could promise, if every drawn attempt succeeded."""
+        return limit_of_rate(self.units, self.confidence)
 
     @property
     def needed_trials(self) -> int | None:
@@ -91,22 +123,30 @@ class Guarantee:
         if self.threshold is not None:
             return (
                 f"{self.scope}: at probability >= {self.threshold:.3g} attempts succeed at a rate "
-                f"of at least {self.rate:g} (confidence {self.confidence:g}); "
+                f"of at least {_rounded_down(self.rate)} (confidence {self.confidence:g}); "
                 f"{self.attempt_rate:.0%} are attempted"
+                + (f"; the rate asked for was {self.asked_rate:g}" if self.is_lower else "")
             )
         text = (
             f"{self.scope}: no threshold can be certified for a rate of {self.rate:g} with "
             f"confidence {self.confidence:g} from {self.units} units"
         )
         if self.needed_units is None:
-            return (
-                f"{text}, nor from {MAX_UNITS:,} of these: at no threshold is the success rate "
-                "clearly above it"
+            text += (
+                f", nor from {MAX_UNITS:,} of these: at no threshold is the success rate clearly "
+                "above it"
             )
+        else:
+            text += (
+                f"; about {self.needed_units} new units ({self.needed_trials} trials) would "
+                f"suffice if testing starts at {self.reported_threshold:.3g} and the success rate "
+                "seen there continues"
+            )
+        if self.lower is None:
+            return text
         return (
-            f"{text}; about {self.needed_units} new units ({self.needed_trials} trials) would "
-            f"suffice if testing starts at {self.reported_threshold:.3g} and the success rate seen "
-            "there continues"
+            f"{text}. A rate of at least {_rounded_down(self.lower.rate)} at probability >= "
+            f"{self.lower.threshold:.3g} can be, if that is accepted"
         )
 
 
@@ -135,6 +175,9 @@ class Certificate:
         policy also ``guides``, the names of estimators and fused poses that guide attempts.
     policy
         What is certified, where it is more than the principal's one view.
+    alternatives
+        What would have been promised for all objects, had another kind of guarantee been asked for
+        beforehand. None of these is promised.
     """
 
     guarantees: tuple[Guarantee, ...]
@@ -146,6 +189,7 @@ class Certificate:
     sequence: ThresholdSequence
     provenance: Mapping[str, Any] = field(default_factory=dict)
     policy: LookPolicy | None = None
+    alternatives: tuple[Alternative, ...] = ()
 
     def __repr__(self) -> str:
         return f"Certificate({self.overall})"
@@ -226,10 +270,11 @@ class Certificate:
                 parameters=("certificate",),
             )
         if found != _FORMAT:
-            content = {**content, "policy": None}
+            content = {**_FORMER, **content}
         given = {f.name: require(content, f.name, path, "top level") for f in fields(cls)}
         try:
-            guarantees = tuple(_guarantee(entry) for entry in given["guarantees"])
+            former: Mapping[str, Any] = {} if found == _FORMAT else _FORMER_GUARANTEE
+            guarantees = tuple(_guarantee({**former, **g}) for g in given["guarantees"])
             if not guarantees or guarantees[0].scope != OVERALL:
                 raise ValueError("the overall guarantee is not the first")
             if given["weight"] not in get_args(Weight):
@@ -243,6 +288,7 @@ class Certificate:
                 seed=int(given["seed"]),
                 sequence=ThresholdSequence.from_dict(given["sequence"]),
                 provenance=dict(given["provenance"]),
+                alternatives=tuple(map(Alternative.from_dict, given["alternatives"])),
                 policy=None
                 if (policy := given["policy"]) is None
                 else LookPolicy.from_dict(policy),
@@ -265,16 +311,23 @@ def _count(value: Any) -> int:
     return value
 
 
-def _policy(content: Mapping[str, Any] | None) -> LookPolicy | None:
-    return None if content is None else LookPolicy.from_dict(content)
+def _rounded_down(rate: float) -> str:
+    """Write a rate with three digits, none above it."""
+    return f"{math.floor(rate * 1000 + 1e-9) / 1000:g}"
 
 
+_FORMER_GUARANTEE: Mapping[str, Any] = {
+    "asked_rate": None,
+    "best": None,
+    "possible_confidence": None,
+}
 _PARSERS: dict[str, Any] = {
     "str": str,
     "int": _count,
     "int | None": lambda value: None if value is None else _count(value),
     "float": _share,
     "float | None": lambda value: None if value is None else _share(value),
+    "Promise | None": lambda value: None if value is None else Promise.from_dict(value),
     "tuple[float, float]": lambda pair: (_share(pair[0]), _share(pair[1])),
 }
 

@@ -28,6 +28,7 @@ from graspcast.errors import InputError, UnknownNameError
 from graspcast.guarantees.attempts import Forecasts, Outcomes, attempts_at
 from graspcast.guarantees.binomial import lower_bound, mean_interval, needed_trials, p_value
 from graspcast.guarantees.certificate import MAX_UNITS, OVERALL, Certificate, Guarantee
+from graspcast.guarantees.promises import best_promise, highest_confidence
 from graspcast.guarantees.threshold_sequence import (
     ThresholdSequence,
     check_target,
@@ -50,6 +51,7 @@ def certify(
     weight: Weight = "attempt",
     simultaneous: bool = False,
     other_guarantees: int = 0,
+    accept_lower: bool = False,
     seed: int = 0,
     provenance: Mapping[str, Any] | None = None,
 ) -> Certificate:
@@ -87,6 +89,10 @@ def certify(
     other_guarantees
         Number of guarantees of other calls (for example, of other grippers) that are to hold
         together with these.
+    accept_lower
+        Where no threshold can be certified for ``rate``, certify the highest lower rate that is
+        promised at the confidence. The probability that what is certified is false is then at most
+        1 - ``confidence`` too (:mod:`graspcast.guarantees.promises`).
     seed
         Of the draws; choose it before looking at the data. The order of the trials does not matter.
     provenance
@@ -106,7 +112,8 @@ def certify(
     if objects is not None:
         scopes += [(str(name), objects == name) for name in np.unique(objects)]
     family_size = len(scopes) + other_guarantees if simultaneous else 1
-    test = _Test(rate, 1.0 - (1.0 - confidence) / family_size, sequence, weight, seed)
+    each = 1.0 - (1.0 - confidence) / family_size
+    test = _Test(rate, each, sequence, weight, seed, accept_lower)
     guarantees = tuple(
         test.certify(scope, probability[mine], success[mine], units[mine]) for scope, mine in scopes
     )
@@ -147,6 +154,7 @@ class _Test:
     sequence: ThresholdSequence
     weight: Weight
     seed: int
+    accept_lower: bool
 
     def certify(
         self,
@@ -159,29 +167,38 @@ class _Test:
         number = np.unique(units, return_inverse=True)[1]
         draws = UnitDraws(probability, success, number, self.weight, self.seed)
         certified, error = self._last_passed(draws)
-        needed_units = None
+        best = best_promise(draws, self.sequence, self.confidence)
+        rate, needed_units = self.rate, None
         threshold = certified
         if threshold is None:
             threshold, needed_units = self._fewest_units(probability, success, number)
+            if best is not None and self.accept_lower:
+                certified = threshold = best.threshold
+                rate = best.rate
         shares = UnitShares.at(threshold, probability, success, number)
         attempted, successful = attempts_at(threshold, probability, success)
         drawn_attempts, drawn_successes = draws.count(threshold)
         return Guarantee(
             scope=scope,
             threshold=certified,
-            rate=self.rate,
+            rate=rate,
             confidence=self.confidence,
             units=len(shares.attempted),
             trials=len(units),
             reported_threshold=threshold,
             drawn_attempts=drawn_attempts,
             drawn_successes=drawn_successes,
-            lower_bound=lower_bound(drawn_successes, drawn_attempts, 1.0 - error),
+            lower_bound=rate
+            if rate < self.rate
+            else lower_bound(drawn_successes, drawn_attempts, 1.0 - error),
             attempts=int(attempted.sum()),
             successful_attempts=int(successful.sum()),
             attempt_rate=float(shares.attempted.mean()),
             attempt_rate_interval=mean_interval(shares.attempted, self.confidence),
             needed_units=needed_units,
+            asked_rate=self.rate,
+            best=best,
+            possible_confidence=highest_confidence(draws, self.sequence, self.rate),
         )
 
     def _last_passed(self, draws: UnitDraws) -> tuple[float | None, float]:

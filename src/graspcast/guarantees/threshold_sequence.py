@@ -25,7 +25,7 @@ from numpy import ndarray
 
 from graspcast.errors import InputError
 from graspcast.guarantees.attempts import Forecasts, Outcomes, largest
-from graspcast.guarantees.binomial import power
+from graspcast.guarantees.binomial import lower_bound, power
 from graspcast.guarantees.unit_draws import UnitShares, Weight
 
 __all__ = [
@@ -35,6 +35,10 @@ __all__ = [
     "learn_sequence",
     "split_sequence",
 ]
+
+
+_HOPELESS = 0.01
+"""With less power than this, the rate is out of reach."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +144,8 @@ def learn_sequence(
     With a strict threshold few units have an attempt, and the test fails however good the
     forecaster is (at 0.9 and 0.9, with fewer than 22); with a permissive one the success rate is
     too low. In between, the exact power of the test has a plateau, and testing starts at its
-    middle.
+    middle. Where the rate is out of reach of so few units, testing starts where the lower
+    confidence bound of the success rate is expected to be highest.
 
     Parameters
     ----------
@@ -164,7 +169,7 @@ def learn_sequence(
     shares = (np.arange(steps) + 1) / steps
     thresholds = np.unique(np.quantile(largest(probability), 1.0 - shares, method="lower"))[::-1]
     number = np.unique(units, return_inverse=True)[1]
-    powers = []
+    powers, bounds = [], []
     for threshold in thresholds.tolist():
         share, success_rate = UnitShares.at(threshold, probability, success, number).expected_draws(
             weight
@@ -173,8 +178,12 @@ def learn_sequence(
         powers.append(
             power(trials, success_rate, rate=rate, confidence=confidence) if trials else 0.0
         )
+        held = int(trials * success_rate) if trials else 0
+        bounds.append(lower_bound(held, trials, confidence))
     plateau = np.flatnonzero(np.array(powers) >= max(powers) - 0.01)
     start = int(plateau[len(plateau) // 2])
+    if max(powers) < _HOPELESS:
+        start = int(np.argmax(bounds))
     weights = tuple(float(i == start) for i in range(len(thresholds)))
     return ThresholdSequence(
         tuple(thresholds.tolist()), weights, f"{len(probability)} out-of-fold trials"
