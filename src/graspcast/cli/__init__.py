@@ -42,6 +42,7 @@ from graspcast.cli import (
 )
 from graspcast.cli.console import logged_as_notes
 from graspcast.cli.options import check_outputs
+from graspcast.cli.progress import running
 from graspcast.errors import GraspcastError
 from graspcast.io.address_space import check_address_space
 
@@ -109,7 +110,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         check_address_space()
         check_outputs(options)
-        with logged_as_notes():
+        with running(options.verb), logged_as_notes():
             code = options.run(options) or 0
         if sys.stdout is not None:
             sys.stdout.flush()

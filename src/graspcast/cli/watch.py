@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from graspcast.cli.console import note, print_text, progress_bar
+from graspcast.cli.console import note, print_text
 from graspcast.cli.options import (
     Verbs,
     add_bop,
@@ -19,6 +19,7 @@ from graspcast.cli.options import (
     note_software_drawing,
     scene_and_image,
 )
+from graspcast.cli.progress import progress_bar, waiting
 from graspcast.cli.protocol_options import add_protocol, settings_of
 from graspcast.errors import InputError
 
@@ -136,7 +137,8 @@ def _watch(options: argparse.Namespace) -> None:
     if options.out is None:
         from graspcast.rendering.trials.viewer import replay
 
-        replay(recording, runner.grasp_object, gripper, collision=options.collision)
+        with waiting():
+            replay(recording, runner.grasp_object, gripper, collision=options.collision)
     else:
         _draw(options, recording, runner, f"{catalogue[name].label} ({name}), {gripper.name}")
         print_text(str(options.out))
