@@ -38,6 +38,7 @@ from graspcast.cli import (
     train,
     train_estimator,
     validate_sim,
+    view,
     watch,
 )
 from graspcast.cli.console import logged_as_notes
@@ -75,6 +76,7 @@ _VERBS = (
     grasps,
     tolerance,
     watch,
+    view,
     overlay,
     import_release,
 )

@@ -73,13 +73,13 @@ class _Verbs:
         self.parts: list[_Work] = []
         self.waiting = 0
 
-    def line(self) -> str:
-        """Return the line of the innermost work; empty while nobody waits for it."""
+    def line(self, of: _Work) -> str:
+        """Return the line of a verb; empty if another runs inside it, or nobody waits for it."""
         with self.lock:
-            if not self.verbs or self.waiting:
+            if not self.verbs or self.verbs[-1] is not of or self.waiting:
                 return ""
-            work = self.parts[-1] if self.parts else self.verbs[-1]
-            verb, words = self.verbs[-1].text, work.words()
+            work = self.parts[-1] if self.parts else of
+            verb, words = of.text, work.words()
             return f"{verb}: {words.removeprefix(f'{verb}, ')}"
 
     def long(self, seconds: float) -> bool:
@@ -121,12 +121,11 @@ def running(verb: str) -> Iterator[None]:
     two if the work is known to be long.
     """
     seconds = interval()
-    outermost = not _RUNNING.verbs
+    work, ended = _Work(verb), threading.Event()
     with _RUNNING.lock:
-        _RUNNING.verbs.append(_Work(verb))
-    ended = threading.Event()
-    lines = outermost and seconds > 0 and not _on_terminal()
-    thread = threading.Thread(target=_write_lines, args=(ended, seconds), daemon=True)
+        _RUNNING.verbs.append(work)
+    lines = seconds > 0 and not _on_terminal()
+    thread = threading.Thread(target=_write_lines, args=(work, ended, seconds), daemon=True)
     if lines:
         thread.start()
     try:
@@ -211,16 +210,16 @@ def _on_terminal() -> bool:
         return False
 
 
-def _write_lines(ended: threading.Event, seconds: float) -> None:
-    """Write lines until the verb has ended."""
+def _write_lines(work: _Work, ended: threading.Event, seconds: float) -> None:
+    """Write lines until a verb has ended."""
     first = min(_FIRST_S, seconds)
     if ended.wait(first):
         return
     if first == seconds or _RUNNING.long(seconds):
-        _write(_RUNNING.line())
+        _write(_RUNNING.line(work))
     due = time.monotonic() + seconds - (first if first < seconds else 0.0)
     while not ended.wait(max(0.0, due - time.monotonic())):
-        _write(_RUNNING.line())
+        _write(_RUNNING.line(work))
         due = max(due + seconds, time.monotonic())
 
 
