@@ -214,7 +214,6 @@ def _inputs(options: argparse.Namespace) -> tuple[BopDataset, dict[str, Results]
             bop=files.bop,
             ground_truth=files.ground_truth,
             objects=options.objects,
-            scenes=[options.image[0]],
             lenient=options.lenient,
             sensor=options.sensor,
         )

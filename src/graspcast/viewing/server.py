@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import html
 import io
 import math
 import socket
@@ -107,8 +108,10 @@ class ViewServer:
     def _show(self) -> None:
         server, scene = self._server, self._scene
         server.scene.set_up_direction("+z" if scene.up == "z" else "-y")
-        server.gui.configure_theme(control_layout="collapsible", show_logo=False)
-        server.gui.add_markdown(f"**{scene.title}**\n\nFrame: {scene.frame}. Metres.")
+        # Sharing would lead visitors through a server of viser's authors.
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        # As HTML: in Markdown, names with brackets or braces would be markup.
+        server.gui.add_html(_heading(scene))
         for node in scene.nodes:
             self._handles[node.name] = self._add(node)
         self._add_groups()
@@ -218,10 +221,14 @@ class _Player:
         self._phase.value = self._motion.captions[row]
 
 
+def _heading(scene: Scene) -> str:
+    """Return title, frame and unit as HTML."""
+    title, frame = html.escape(scene.title), html.escape(scene.frame)
+    return f'<div style="padding:.5em 1em"><b>{title}</b><br>Frame: {frame}. Metres.</div>'
+
+
 def _legend(scene: Scene) -> str:
     """Return the legend as HTML."""
-    import html
-
     rows = (
         f'<div><span style="display:inline-block;width:1em;height:1em;margin-right:.5em;'
         f'vertical-align:-.1em;background:rgb{rgb}"></span>{html.escape(meaning)}</div>'
