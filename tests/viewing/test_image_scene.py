@@ -73,6 +73,9 @@ def test_an_ellipsoid_has_two_standard_deviations_along_each_axis_of_the_object(
     assert_allclose(node.scene_T_node[:3, 3], pose[:3, 3])
     assert np.linalg.det(node.scene_T_node[:3, :3]) == pytest.approx(1)
     assert node.about["sd_position_mm"] == [1.0, 2.0, 3.0]
+    larger = by_name(dataset, replace(seen, ellipsoid_sd=4.0), objects=["made-1"])
+    vertices = larger["ellipsoids/made-1 est 0"].shape.vertices
+    assert_allclose(vertices, 2 * node.shape.vertices)
     with pytest.raises(MismatchError, match=r"c.csv: has no covariance of made-5"):
         image_scene(dataset, IMAGE, seen)
 

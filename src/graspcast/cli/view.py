@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from graspcast.cli.built_in_estimates import with_built_in
 from graspcast.cli.console import note, print_text
+from graspcast.cli.numbers import number_type
 from graspcast.cli.one_trial import add_trial, record
 from graspcast.cli.options import Verbs, new_verb
 from graspcast.cli.progress import progress_bar, waiting
@@ -30,6 +31,11 @@ __all__ = ["add"]
 _FUSED = "fused"
 _OF_TRIAL = ("offset", "full", "contact_force", "collision")
 _OF_SCENE = ("objects", "fused", "covariances", "verdicts", "ranked_grasps")
+
+
+_deviations = number_type(
+    lambda value: 0 < value <= 1000, "a number of standard deviations above zero, at most 1000, is"
+)
 
 
 def _port(text: str) -> int:
@@ -89,6 +95,13 @@ def _add_files(verb: argparse.ArgumentParser) -> None:
         metavar="FILE",
         type=Path,
         help="what fuse --covariances wrote, for ellipsoids",
+    )
+    verb.add_argument(
+        "--ellipsoid-sd",
+        metavar="N",
+        type=_deviations,
+        default=2.0,
+        help="standard deviations from the middle of an ellipsoid to its surface (default: 2)",
     )
     verb.add_argument(
         "--verdicts", metavar="FILE", type=Path, help="what predict wrote, for grasps"
@@ -183,7 +196,7 @@ def _image(options: argparse.Namespace) -> Scene:
     table = None if options.covariances is None else read_covariances(options.covariances)
     # The file of fused poses goes through the same checks as those of estimators.
     fused = results.pop(_FUSED, None)
-    seen = Seen(results, fused, table, _grasps(options, dataset))
+    seen = Seen(results, fused, table, _grasps(options, dataset), options.ellipsoid_sd)
     wanted = [text if "-" in text else f"{dataset.name}-{text}" for text in options.objects]
     with progress_bar("building the scene"):
         scene = image_scene(dataset, options.image, seen, objects=wanted)

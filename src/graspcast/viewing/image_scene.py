@@ -29,7 +29,7 @@ from graspcast.views.covariance_table import CovarianceTable
 __all__ = ["ELLIPSOID_SD", "Grasps", "Seen", "image_scene"]
 
 ELLIPSOID_SD = 2.0
-"""Standard deviations of the position from the middle of an ellipsoid to its surface."""
+"""Standard deviations of the position from the middle of an ellipsoid to its surface, by default."""
 
 _LEAST_M = 1e-5
 _SEEN_THROUGH, _FUSED, _ABSTAIN = 0.3, 0.4, 0.4
@@ -72,12 +72,15 @@ class Seen:
         Of the fused poses.
     grasps
         Verdicts with their grasps, if any.
+    ellipsoid_sd
+        Standard deviations of the position from the middle of an ellipsoid to its surface.
     """
 
     results: Mapping[str, Results] = field(default_factory=dict)
     fused: Results | None = None
     covariances: CovarianceTable | None = None
     grasps: Grasps | None = None
+    ellipsoid_sd: float = ELLIPSOID_SD
 
 
 def image_scene(
@@ -172,7 +175,9 @@ class _Image:
             shape = self._tinted(key.obj_id, colours.FUSED, _FUSED)
             yield Node(f"fused/{name}", shape, pose, about)
             if self._seen.covariances is not None:
-                yield _ellipsoid(name, pose, self._seen.covariances.at(key))
+                yield _ellipsoid(
+                    name, pose, self._seen.covariances.at(key), self._seen.ellipsoid_sd
+                )
 
     def grasps(self) -> Iterator[Node]:
         grasps = self._seen.grasps
@@ -196,7 +201,12 @@ class _Image:
         if "fused" in groups:
             out.append(("fused pose", colours.FUSED))
         if "ellipsoids" in groups:
-            out.append((f"position within {ELLIPSOID_SD:g} standard deviations", colours.ELLIPSOID))
+            out.append(
+                (
+                    f"position within {self._seen.ellipsoid_sd:g} standard deviations",
+                    colours.ELLIPSOID,
+                )
+            )
         return (*out, *(colours.probability_legend() if "grasps" in groups else ()))
 
     @property
@@ -252,7 +262,9 @@ class _Image:
         return Node(label, Shape(vertices, faces, rgb, opacity), pose, about)
 
 
-def _ellipsoid(name: str, cam_T_obj: Float[ndarray, "4 4"], covariance: ndarray) -> Node:
+def _ellipsoid(
+    name: str, cam_T_obj: Float[ndarray, "4 4"], covariance: ndarray, size: float
+) -> Node:
     """Return the ellipsoid of a position, whose covariance is in the object's axes."""
     from trimesh import creation
 
@@ -261,10 +273,10 @@ def _ellipsoid(name: str, cam_T_obj: Float[ndarray, "4 4"], covariance: ndarray)
         axes[:, 0] *= -1
     sd = np.sqrt(np.maximum(variance, 0.0))
     ball = creation.icosphere(subdivisions=3, radius=1.0)
-    vertices = np.array(ball.vertices) * np.maximum(ELLIPSOID_SD * sd, _LEAST_M)
+    vertices = np.array(ball.vertices) * np.maximum(size * sd, _LEAST_M)
     turned = np.sqrt(np.maximum(np.diag(covariance)[3:], 0.0))
     about = {
-        "standard_deviations": ELLIPSOID_SD,
+        "standard_deviations": size,
         "sd_position_mm": [round(float(1000 * x), 4) for x in sd],
         "sd_rotation_deg": [round(float(np.degrees(x)), 4) for x in turned],
     }
