@@ -6,7 +6,7 @@ import logging
 
 import pytest
 
-from graspcast.cli.console import logged_as_notes, note, print_table, print_text, progress_bar
+from graspcast.cli.console import logged_as_notes, note, print_table, print_text
 
 
 def test_notes_go_to_standard_error_once_each(capsys: pytest.CaptureFixture[str]) -> None:
@@ -38,10 +38,3 @@ def test_tables_are_not_folded_in_files(capsys: pytest.CaptureFixture[str]) -> N
     assert cell.strip() in row
     (last,) = (line for line in lines if "60" in line)
     assert last.rstrip("│ ").endswith(" 60"), "numbers are aligned to the right"
-
-
-def test_a_progress_bar_leaves_standard_output_alone(capsys: pytest.CaptureFixture[str]) -> None:
-    with progress_bar("working") as move:
-        move(0.5)
-        move(1.0, "on [brackets]")
-    assert capsys.readouterr().out == ""

@@ -10,7 +10,7 @@ import pytest
 
 from graspcast.errors import FormatError
 from graspcast.estimates.instances import InstanceKey
-from graspcast.forecasting.grasp_file import read_reachable, write_grasps_of
+from graspcast.forecasting.grasp_file import read_grasps_of, read_reachable, write_grasps_of
 from graspcast.forecasting.grasp_ranking import GraspForecast
 from graspcast.forecasting.verdict import Verdict, VerdictRow
 
@@ -36,6 +36,35 @@ def test_a_file_of_rankings_is_read_as_what_is_reachable(tmp_path: Path) -> None
         KEY: {"top, left", "side"},
         KEY._replace(im_id=8): {"reference"},
     }
+
+
+def test_a_file_of_rankings_is_read_back(tmp_path: Path) -> None:
+    ranked = Verdict(True, 0.75, "why", 0.5, grasp="top, left", grasps=RANKED)
+    plain = Verdict(False, 0.25, "why", 0.5)
+    path = tmp_path / "g.csv"
+    write_grasps_of(path, [row(ranked), row(plain, im_id=8)])
+    assert read_grasps_of(path) == {
+        (KEY, "a", "p"): (("top, left", 0.75), ("side", 0.5)),
+        (KEY._replace(im_id=8), "a", "p"): (("reference", 0.25),),
+    }
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("probability", "chance", "no column probability"),
+        ("0.750000", "75 %", "no number"),
+        ("0.750000", "7.5", "not a share"),
+        ("0.750000", "", "not a share"),
+        ("0.750000", "nan", "not a share"),
+    ],
+)
+def test_what_is_no_ranking_is_named(tmp_path: Path, old: str, new: str, said: str) -> None:
+    path = tmp_path / "g.csv"
+    write_grasps_of(path, [row(Verdict(True, 0.75, "why", 0.5, grasp="top", grasps=RANKED))])
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(FormatError, match=said):
+        read_grasps_of(path)
 
 
 def test_est_id_may_be_missing_and_names_may_be_numbers(tmp_path: Path) -> None:

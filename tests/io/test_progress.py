@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from graspcast.io.progress import step_of
+from graspcast.io.progress import Count, step_of
 
 
 def test_steps_share_the_range_from_0_to_1() -> None:
@@ -21,3 +21,13 @@ def test_steps_share_the_range_from_0_to_1() -> None:
 
 def test_without_a_callback_nothing_happens() -> None:
     step_of(None, 0, 1)(0.5, "ignored")
+
+
+def test_a_count_is_its_text() -> None:
+    count = Count(1240, 5000, "trials", "loss 0.3")
+    assert count == "1,240 of 5,000 trials, loss 0.3"
+    assert (count.done, count.total, count.share) == (1240, 5000, 0.248)
+    assert Count(0, 0, "trials").share == 1.0
+    heard: list[str] = []
+    step_of(lambda share, text: heard.append(text), 0, 2)(0.5, count)
+    assert heard[0] is count

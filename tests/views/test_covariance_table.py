@@ -9,7 +9,8 @@ import polars as pl
 import pytest
 from numpy.testing import assert_allclose
 
-from graspcast.errors import FormatError, UnknownNameError
+from graspcast.errors import FormatError, MismatchError, UnknownNameError
+from graspcast.estimates.instances import InstanceKey
 from graspcast.io.tables import write_table
 from graspcast.views.covariance_table import read_covariances
 
@@ -37,6 +38,23 @@ def test_the_mean_of_an_objects_covariances(tmp_path: Path, name: str) -> None:
     assert_allclose(table.of("mine-3").mean(), 2e-6 * np.eye(6))
     with pytest.raises(UnknownNameError, match="known: mine-3, mine-4"):
         table.of("mine-5")
+
+
+def test_the_covariance_of_an_instance(tmp_path: Path) -> None:
+    path = tmp_path / "covariances.csv"
+    write_table(path, frame(1e-6, 3e-6, 9e-6))
+    table = read_covariances(path)
+    assert_allclose(table.at(InstanceKey("mine", 1, 2, 4, 0)), 9e-6 * np.eye(6))
+    of = table.of("mine-4")
+    assert_allclose(of.at(InstanceKey("mine", 1, 2, 4, 0)), 9e-6 * np.eye(6))
+    with pytest.raises(MismatchError, match="no covariance of mine-4 in image 1/2, est_id 1"):
+        table.at(InstanceKey("mine", 1, 2, 4, 1))
+    write_table(path, frame(1e-6, 3e-6).with_columns(im_id=pl.lit("first")))
+    with pytest.raises(FormatError, match="no whole number"):
+        read_covariances(path)
+    # A table for other uses need not name instances.
+    write_table(path, frame(1e-6, 3e-6).drop("im_id"))
+    assert read_covariances(path).keys == ()
 
 
 def test_what_is_no_table_of_covariances_is_refused(tmp_path: Path) -> None:

@@ -38,10 +38,12 @@ from graspcast.cli import (
     train,
     train_estimator,
     validate_sim,
+    view,
     watch,
 )
 from graspcast.cli.console import logged_as_notes
 from graspcast.cli.options import check_outputs
+from graspcast.cli.progress import running
 from graspcast.errors import GraspcastError
 from graspcast.io.address_space import check_address_space
 
@@ -74,6 +76,7 @@ _VERBS = (
     grasps,
     tolerance,
     watch,
+    view,
     overlay,
     import_release,
 )
@@ -109,7 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         check_address_space()
         check_outputs(options)
-        with logged_as_notes():
+        with running(options.verb), logged_as_notes():
             code = options.run(options) or 0
         if sys.stdout is not None:
             sys.stdout.flush()

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from graspcast.cli.console import note, print_table, print_text, progress_bar
+from graspcast.cli.console import note, print_table, print_text
 from graspcast.cli.options import Verbs, add_out, new_verb, positive
+from graspcast.cli.progress import progress_bar
 from graspcast.errors import GraspcastError, InputError
 
 if TYPE_CHECKING:

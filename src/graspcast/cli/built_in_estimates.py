@@ -49,7 +49,8 @@ def with_built_in(options: argparse.Namespace) -> InputFiles:
     ground_truth = list(options.ground_truth)
     if _BUILT_IN not in estimates:
         return InputFiles(estimates, bop, ground_truth)
-    from graspcast.cli.console import note, progress_bar
+    from graspcast.cli.console import note
+    from graspcast.cli.progress import progress_bar
     from graspcast.demo_data import demo_dataset
     from graspcast.simulation.campaign.shipped_estimates import shipped_estimates
 

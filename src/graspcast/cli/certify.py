@@ -22,6 +22,7 @@ from graspcast.cli.options import (
     write_json,
 )
 from graspcast.cli.promises import confidence_of, print_alternatives, promised, rate_of
+from graspcast.cli.progress import progress_bar
 from graspcast.cli.view_options import add_policy, motions_of, policy_options
 from graspcast.io.wording import counted
 
@@ -144,7 +145,8 @@ def _certify(options: argparse.Namespace) -> None:
     )
     several = options.camera_poses or options.guide is not None or options.max_looks > 1
     certified = _with_views if several else _of_one_view
-    certificate = certified(options, forecaster, inputs, asked)
+    with progress_bar("certifying"):
+        certificate = certified(options, forecaster, inputs, asked)
     # Where camera poses are given, the forecaster was trained with them, or they were refused.
     views = bool(options.camera_poses)
     inputs.add_notes(one_view_notes([forecaster], options.guide, views=views))

@@ -6,11 +6,8 @@ import argparse
 from pathlib import Path
 
 from graspcast.cli.console import note, print_table, print_text
-from graspcast.cli.options import (
-    Verbs,
-    new_verb,
-    note_software_drawing,
-)
+from graspcast.cli.options import Verbs, new_verb, note_software_drawing
+from graspcast.cli.progress import progress_bar
 
 __all__ = ["add"]
 
@@ -53,7 +50,8 @@ def _check_gripper(options: argparse.Namespace) -> None:
     from graspcast.simulation.trial.gripper_conformance import check_gripper
 
     gripper = load_gripper(options.gripper)
-    report = check_gripper(gripper)
+    with progress_bar("checking"):
+        report = check_gripper(gripper)
     note(*report.notes)
     print_text(str(report))
     if report.measured is not None:

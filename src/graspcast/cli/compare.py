@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from graspcast.cli.console import note, print_table, print_text, progress_bar
+from graspcast.cli.console import note, print_table, print_text
 from graspcast.cli.options import (
     Verbs,
     add_inputs,
@@ -16,6 +16,7 @@ from graspcast.cli.options import (
     positive,
     write_json,
 )
+from graspcast.cli.progress import progress_bar
 from graspcast.cli.view_options import add_views, fusion_options, motions_of
 from graspcast.errors import InputError
 from graspcast.io.wording import counted

@@ -1,15 +1,12 @@
-"""Output of the command line: tables on standard output, notes and progress on standard error."""
+"""Output of the command line: tables on standard output, notes on standard error."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Protocol, runtime_checkable
 
-__all__ = ["logged_as_notes", "note", "print_table", "print_text", "progress_bar", "stage"]
-
-_A_LINE_S = 60.0
+__all__ = ["logged_as_notes", "note", "print_table", "print_text"]
 
 
 def print_text(text: str) -> None:
@@ -76,55 +73,3 @@ def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]
         # Files and pipes have no width: no line is folded or cut off.
         console = OrBroken(width=1000, markup=False)
     console.print(title, table, sep="\n")
-
-
-@runtime_checkable
-class Move(Protocol):
-    """A function that updates a progress bar."""
-
-    def __call__(self, share: float, message: str = ...) -> None:
-        """Show a share done, from 0 to 1, and a message."""
-        ...
-
-
-@contextmanager
-def progress_bar(text: str) -> Iterator[Move]:
-    """Show a progress bar on standard error; yield the function that updates it."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
-
-    columns = (*Progress.get_default_columns()[:-1], TimeRemainingColumn(), TimeElapsedColumn())
-    console = Console(stderr=True)
-    # Where the bar is not drawn, rich would leave an empty line instead.
-    off = not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=off) as bar:
-        task = bar.add_task(text, total=1.0)
-
-        def move(share: float, message: str = text) -> None:
-            bar.update(task, completed=share, description=escape(message))
-
-        yield move
-
-
-@contextmanager
-def stage(text: str) -> Iterator[Move]:
-    """Show the progress of work of hours: a bar on a terminal, elsewhere a line a minute."""
-    import sys
-    import time
-
-    if sys.stderr.isatty():
-        with progress_bar(text) as move:
-            move(0.0)
-            yield lambda share, message="": move(share, f"{text}: {message}" if message else text)
-        return
-    said = time.monotonic()
-    note(text)
-
-    def report(share: float, message: str = "") -> None:
-        nonlocal said
-        if time.monotonic() - said >= _A_LINE_S:
-            said = time.monotonic()
-            note(f"{text}: {share:.0%}{', ' if message else ''}{message}")
-
-    yield report

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text
 from graspcast.cli.options import Verbs, add_out, count, maybe_named, new_verb
+from graspcast.cli.progress import progress_bar
 from graspcast.errors import InputError
 from graspcast.io.wording import counted
 
@@ -105,15 +106,16 @@ def _convert(options: argparse.Namespace) -> None:
 
     _refuse_overwriting(options)
     dataset = BopDataset(options.bop[1], name=options.bop[0]) if options.bop else None
-    results = convert_poses(
-        options.inputs,
-        stated=Stated(
-            options.scene_id, options.im_id, dict(options.object_numbers), options.length_unit
-        ),
-        transforms=_transforms(options),
-        dataset=dataset,
-        lenient=options.lenient,
-    )
+    with progress_bar("reading"):
+        results = convert_poses(
+            options.inputs,
+            stated=Stated(
+                options.scene_id, options.im_id, dict(options.object_numbers), options.length_unit
+            ),
+            transforms=_transforms(options),
+            dataset=dataset,
+            lenient=options.lenient,
+        )
     write_results(options.out, results)
     note(*results.remarks)
     note(*(f"{options.out}: dropped {n} rows ({why})" for why, n in results.dropped.items()))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text
 from graspcast.cli.options import Verbs, add_json, maybe_named, new_verb, write_json
+from graspcast.cli.progress import progress_bar
 from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
@@ -67,9 +68,10 @@ def add(verbs: Verbs) -> None:
 def _doctor(options: argparse.Namespace) -> int:
     from graspcast.diagnosis.diagnose import diagnose
 
-    findings = diagnose(
-        options.paths, calibration=options.calibration, environment=not options.paths
-    )
+    with progress_bar("checking"):
+        findings = diagnose(
+            options.paths, calibration=options.calibration, environment=not options.paths
+        )
     for finding in findings:
         print_text(_shown(finding))
     counts = {s: sum(f.severity == s for f in findings) for s in ("error", "warning", "note")}

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from graspcast.cli.console import note, print_table, progress_bar
+from graspcast.cli.console import note, print_table
 from graspcast.cli.options import (
     Verbs,
     add_inputs,
@@ -16,6 +16,7 @@ from graspcast.cli.options import (
     new_verb,
     write_json,
 )
+from graspcast.cli.progress import progress_bar
 from graspcast.io.wording import counted
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from graspcast.cli.console import note, print_text, progress_bar
+from graspcast.cli.console import note, print_text
 from graspcast.cli.numbers import number_type
 from graspcast.cli.options import (
     Verbs,
@@ -17,6 +17,7 @@ from graspcast.cli.options import (
     new_verb,
     positive,
 )
+from graspcast.cli.progress import progress_bar
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.io.wording import counted
 

@@ -6,8 +6,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from graspcast.cli.console import note, print_text, progress_bar
+from graspcast.cli.console import note, print_text
 from graspcast.cli.options import Verbs, add_json, add_outcomes, new_verb, positive, write_json
+from graspcast.cli.progress import progress_bar
 from graspcast.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:

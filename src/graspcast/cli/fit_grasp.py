@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from graspcast.cli.console import note, print_table, print_text, progress_bar
+from graspcast.cli.console import note, print_table, print_text
 from graspcast.cli.options import (
     Verbs,
     add_inputs,
@@ -19,6 +19,7 @@ from graspcast.cli.options import (
     note_sizes,
     write_json,
 )
+from graspcast.cli.progress import progress_bar
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:

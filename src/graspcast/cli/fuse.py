@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text
 from graspcast.cli.options import Verbs, add_inputs, add_out, inputs_of, new_verb
+from graspcast.cli.progress import progress_bar
 from graspcast.cli.view_options import (
     add_views,
     fusion_options,
@@ -79,15 +80,18 @@ def _fuse(options: argparse.Namespace) -> None:
             parameters=("estimates",),
         )
     ((dataset, results),) = inputs.results.items()
-    fused = fuse_estimates(
-        results,
-        _motion(options, inputs),
-        dataset=dataset,
-        principal=options.principal,
-        models=inputs.models,
-        max_views=options.max_views,
-        **rules,
-    )
+    motion = _motion(options, inputs)
+    with progress_bar("fusing") as move:
+        fused = fuse_estimates(
+            results,
+            motion,
+            dataset=dataset,
+            principal=options.principal,
+            models=inputs.models,
+            max_views=options.max_views,
+            progress=move,
+            **rules,
+        )
     without = [] if dataset in inputs.datasets else ["without models (--bop), no symmetry is known"]
     if options.covariances:
         write_table(options.covariances, fused.table())

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from graspcast.cli.console import note, print_table, print_text, progress_bar
+from graspcast.cli.console import note, print_table, print_text
 from graspcast.cli.options import (
     Verbs,
     add_bop,
@@ -18,6 +18,7 @@ from graspcast.cli.options import (
     note_sizes,
     note_software_drawing,
 )
+from graspcast.cli.progress import progress_bar
 from graspcast.cli.protocol_options import add_protocol, settings_of
 from graspcast.errors import InputError
 

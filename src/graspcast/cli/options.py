@@ -190,7 +190,7 @@ def inputs_with_images(options: argparse.Namespace, *, used: bool = True) -> Inp
     """
     from dataclasses import replace
 
-    from graspcast.cli.console import progress_bar
+    from graspcast.cli.progress import progress_bar
 
     inputs = inputs_of(options, without_models=True)
     if not options.images:

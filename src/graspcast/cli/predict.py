@@ -24,6 +24,7 @@ from graspcast.cli.options import (
     share,
     write_json,
 )
+from graspcast.cli.progress import progress_bar
 from graspcast.cli.view_options import add_policy, motions_of, policy_options
 from graspcast.errors import InputError, MismatchError
 from graspcast.io.wording import counted
@@ -176,14 +177,16 @@ def _predict(options: argparse.Namespace) -> None:
         if options.explain:
             raise InputError("--explain is of one view: leave out --camera-poses and --guide")
         given = models, inputs, motions, policy_options(options)
-        if options.stages:
-            looks = looks_with_views(*given, **how)
-            write_stages(options.stages, looks)
-            rows = [each.last for each in looks]
-        else:
-            rows = verdicts_with_views(*given, **how)
+        with progress_bar("judging"):
+            if options.stages:
+                looks = looks_with_views(*given, **how)
+                write_stages(options.stages, looks)
+                rows = [each.last for each in looks]
+            else:
+                rows = verdicts_with_views(*given, **how)
     else:
-        rows = models.verdict_rows(inputs, explain=options.explain, **how)
+        with progress_bar("judging"):
+            rows = models.verdict_rows(inputs, explain=options.explain, **how)
     if reachable is not None:
         _check_reachable(options.reachable, reachable, rows)
     if options.grasps_out is not None:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from graspcast.cli.console import note, print_table, print_text, progress_bar
+from graspcast.cli.console import note, print_table, print_text
 from graspcast.cli.error_options import add_covariance, add_tails, drawn_errors
 from graspcast.cli.numbers import number_type
 from graspcast.cli.options import (
@@ -23,6 +23,7 @@ from graspcast.cli.options import (
     positive,
     write_json,
 )
+from graspcast.cli.progress import progress_bar
 from graspcast.cli.protocol_options import add_protocol, settings_of
 from graspcast.errors import InputError
 from graspcast.io.wording import counted

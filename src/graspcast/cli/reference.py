@@ -14,6 +14,11 @@ _INTRODUCTION = """\
 
 `graspcast VERB --help` says the same. Exit codes: 0 done, 2 a mistake in the input (one message, no
 half-written file), 3 an alarm of `monitor`, 130 interrupted, 141 nobody reads the output any more.
+
+Results go to standard output, notes and progress to standard error. On a terminal, progress is a
+bar; elsewhere, as under `nohup` or in CI, a verb that takes longer writes a line every ten seconds,
+such as `simulate: 1,240 of 5,000 trials (25%), 31/s, 2 min left`. The environment variable
+`GRASPCAST_PROGRESS_S` sets the seconds between two lines, 0 none.
 """
 
 

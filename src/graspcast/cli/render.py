@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from graspcast.cli.console import print_text, progress_bar
+from graspcast.cli.console import print_text
 from graspcast.cli.options import Verbs, add_out, new_verb
+from graspcast.cli.progress import progress_bar
 from graspcast.io.wording import counted
 
 __all__ = ["add"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from graspcast.cli.console import note, print_text, progress_bar
+from graspcast.cli.console import note, print_text
 from graspcast.cli.options import (
     Verbs,
     add_json,
@@ -14,6 +14,7 @@ from graspcast.cli.options import (
     positive,
     write_json,
 )
+from graspcast.cli.progress import progress_bar
 
 __all__ = ["add"]
 

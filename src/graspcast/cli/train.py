@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from graspcast.cli.console import note, print_table, print_text, progress_bar
+from graspcast.cli.console import note, print_table, print_text
 from graspcast.cli.cost_options import add_costs, costs_of, print_thresholds
 from graspcast.cli.options import (
     Verbs,
@@ -20,6 +20,7 @@ from graspcast.cli.options import (
     positive,
     write_json,
 )
+from graspcast.cli.progress import progress_bar
 from graspcast.cli.view_options import add_views, fusion_options, motions_of
 from graspcast.io.wording import counted
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from graspcast.cli.console import note, print_table, print_text, stage
+from graspcast.cli.console import note, print_table, print_text
 from graspcast.cli.options import Verbs, add_out, count, new_verb, positive
+from graspcast.cli.progress import progress_bar
 
 __all__ = ["add"]
 
@@ -122,7 +123,7 @@ def _train_estimator(options: argparse.Namespace) -> None:
     objects = Objects.read(options.models, options.objects, options.dataset)
     sizes = (f"{i} ({shown(objects.models[i].diameter_m)} across)" for i in objects.ids)
     note(f"dataset {objects.dataset}, objects {', '.join(sizes)}")
-    trained = train_estimators(objects, options.work, options.out, settings, stages=stage)
+    trained = train_estimators(objects, options.work, options.out, settings, stages=progress_bar)
     for one in trained:
         title = f"{one.estimator} after {one.steps:,} steps: errors on images not trained on"
         print_table(title, HEADER, in_words(one.errors, objects.dataset))

@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from graspcast.cli.console import note, print_text, progress_bar
+from graspcast.cli.console import note, print_text
 from graspcast.cli.options import (
     Verbs,
     add_json,
     new_verb,
     write_json,
 )
+from graspcast.cli.progress import progress_bar
 
 __all__ = ["add"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from typing import Any
 
@@ -17,7 +17,7 @@ from graspcast.io.arguments import PATH, a, checked, refuse_unless, sequence
 from graspcast.io.files import write_text
 from graspcast.io.tables import read_csv
 
-__all__ = ["GRASP_COLUMNS", "read_reachable", "write_grasps_of"]
+__all__ = ["GRASP_COLUMNS", "Rankings", "read_grasps_of", "read_reachable", "write_grasps_of"]
 
 GRASP_COLUMNS = (*KEY_SCHEMA, "principal", "gripper", "grasp", "rank", "probability", "outcomes")
 """The columns of a file of rankings.
@@ -27,6 +27,15 @@ forecast rests.
 """
 
 _NAMED: dict[str, Any] = {**KEY_SCHEMA, "grasp": pl.String}
+_RANKED: dict[str, Any] = {
+    **KEY_SCHEMA,
+    "principal": pl.String,
+    "gripper": pl.String,
+    "grasp": pl.String,
+}
+
+Rankings = Mapping[tuple[InstanceKey, str, str], Sequence[tuple[str, float]]]
+"""Instance, principal and gripper to grasps with their probabilities, the best first."""
 
 
 @checked(path=PATH)
@@ -49,6 +58,37 @@ def write_grasps_of(path: str | PathLike[str], rows: Iterable[VerdictRow]) -> No
         if not row.verdict.grasps and row.verdict.probability is not None:
             writer.writerow([*who, row.grasp, 1, f"{row.verdict.probability:.6f}", ""])
     write_text(path, out.getvalue())
+
+
+@checked(path=PATH)
+def read_grasps_of(path: str | PathLike[str]) -> Rankings:
+    """Read what :func:`write_grasps_of` wrote: grasps and their probabilities, the best first.
+
+    Raises
+    ------
+    FormatError
+        If a column is missing, or a probability is none.
+    """
+    frame = read_csv(path)
+    if missing := [name for name in GRASP_COLUMNS if name not in frame.columns]:
+        raise FormatError(
+            path, f"has no column {missing[0]}; a ranking of grasps has {', '.join(GRASP_COLUMNS)}"
+        )
+    try:
+        frame = frame.with_columns(
+            pl.col(name).cast(kind)
+            for name, kind in (*_RANKED.items(), ("rank", pl.Int64), ("probability", pl.Float64))
+        ).sort("rank", maintain_order=True)
+    except pl.exceptions.PolarsError as error:
+        raise FormatError(path, f"holds something that is no number: {error}") from error
+    found: dict[tuple[InstanceKey, str, str], list[tuple[str, float]]] = {}
+    for row in frame.select(*_RANKED, "probability").rows():
+        *key, principal, gripper, grasp, probability = row
+        if probability is None or not 0 <= probability <= 1:
+            raise FormatError(path, f"the probability of {grasp} is {probability}, not a share")
+        of = (InstanceKey(*key), principal, gripper)
+        found.setdefault(of, []).append((grasp, probability))
+    return {of: tuple(ranked) for of, ranked in found.items()}
 
 
 @checked(path=PATH)

@@ -4,10 +4,49 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-__all__ = ["Progress", "step_of"]
+__all__ = ["Count", "Progress", "step_of"]
 
 Progress = Callable[[float, str], None]
-"""Called with the share done, in [0, 1], and what is being worked on (may be empty)."""
+"""Called with the share done, in [0, 1], and what is being worked on (may be empty).
+
+The message may be a :class:`Count`.
+"""
+
+
+class Count(str):
+    """A message that says how many are done: ``"1,240 of 5,000 trials"``.
+
+    Parameters
+    ----------
+    done, total
+        How many of how many.
+    things
+        What is counted, in the plural.
+    more
+        Further words.
+
+    Attributes
+    ----------
+    done, total, things, more
+        As given.
+    """
+
+    done: int
+    total: int
+    things: str
+    more: str
+
+    def __new__(cls, done: int, total: int, things: str, more: str = "") -> Count:
+        """Make the text."""
+        text = f"{done:,} of {total:,} {things}"
+        count = super().__new__(cls, f"{text}, {more}" if more else text)
+        count.done, count.total, count.things, count.more = done, total, things, more
+        return count
+
+    @property
+    def share(self) -> float:
+        """Which share of them is done; 1 where there are none."""
+        return self.done / self.total if self.total else 1.0
 
 
 def step_of(

@@ -21,6 +21,7 @@ from graspcast.bop.detections import Detections, write_detections
 from graspcast.bop.results import Results, read_results, write_results
 from graspcast.errors import EstimatorFailedError, FormatError, InputError, UnknownNameError
 from graspcast.io.files import temporary_directory
+from graspcast.io.progress import Count
 from graspcast.perception.estimator import Estimator
 from graspcast.perception.external import command_line, run_command
 from graspcast.perception.network import CropEstimator
@@ -132,7 +133,7 @@ def estimate_poses(
     parts = []
     for i, (key, seen) in enumerate(images.items()):
         if progress:
-            progress(i / len(images), "image {}/{}".format(*key))
+            progress(i / len(images), Count(i, len(images), "images"))
         image, camera = dataset.image(*key), dataset.camera_of(*key)
         start = time.perf_counter()
         poses = estimator.estimate(image, camera.K, seen)

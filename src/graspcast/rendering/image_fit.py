@@ -31,7 +31,7 @@ from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.instances import Instances
 from graspcast.forecasting.features import Features
-from graspcast.io.progress import Progress
+from graspcast.io.progress import Count, Progress
 from graspcast.rendering.outline import REACH, Outline, outline_of
 
 __all__ = [
@@ -245,7 +245,8 @@ def fit_of_instances(
         for row, text in zip(rows, texts, strict=True):
             problems[row] = text
         if progress is not None:
-            progress((done + 1) / len(rows_of), "image fit")
+            count = Count(done + 1, len(rows_of), "images compared with estimates")
+            progress(count.share, count)
     return ImageFit(values, tuple(problems))
 
 

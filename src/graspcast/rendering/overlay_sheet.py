@@ -11,9 +11,8 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from graspcast.bop.dataset import BopDataset, GroundTruth
-from graspcast.bop.meshes import Mesh, read_coloured_mesh
 from graspcast.bop.results import Results
-from graspcast.errors import FormatError, InputError
+from graspcast.errors import InputError
 from graspcast.estimates.alignment import estimate_ids, partners, rows_in_image
 from graspcast.estimates.instances import InstanceKey
 from graspcast.estimates.matching import match
@@ -21,6 +20,7 @@ from graspcast.forecasting.verdict import VerdictRow
 from graspcast.forecasting.view_verdicts import FUSED
 from graspcast.io.wording import counted
 from graspcast.pose.metrics import rotation_error, translation_error
+from graspcast.rendering.coloured_models import ColouredModels
 from graspcast.rendering.drawing import (
     BAD,
     FAINT,
@@ -220,7 +220,7 @@ class _Drawing:
         )
         self.est_ids = {name: estimate_ids(table) for name, table in results.items()}
         self.verdicts = None if verdicts is None else VerdictTable(verdicts, results)
-        self._meshes: dict[int, tuple[Mesh, UInt8[ndarray, "v 3"]]] = {}
+        self._models = ColouredModels(dataset)
 
     def of(self, images: Sequence[tuple[int, int]]) -> list[Overlay]:
         out: list[Overlay] = []
@@ -291,7 +291,7 @@ class _Drawing:
         pixels = draw_overlay(
             self.dataset.image(*image),
             self.dataset.camera_of(*image).K,
-            *self._mesh(obj_id),
+            *self._models[obj_id],
             cam_T_est,
             cam_T_true,
             guides=[guide.cam_T_obj for guide in guides],
@@ -328,18 +328,6 @@ class _Drawing:
         pair = cam_T_est[None], cam_T_true[None]
         rotation = rotation_error(*pair, self.dataset.models[obj_id].symmetries)
         return float(np.degrees(rotation[0])), float(1000 * translation_error(*pair)[0])
-
-    def _mesh(self, obj_id: int) -> tuple[Mesh, UInt8[ndarray, "v 3"]]:
-        if obj_id not in self._meshes:
-            self.dataset.models[obj_id]
-            file = f"obj_{obj_id:06d}.ply"
-            # Models for evaluation have no colours.
-            path = self.dataset.root / "models" / file
-            path = path if path.is_file() else self.dataset.models.directory / file
-            self._meshes[obj_id] = read_coloured_mesh(path)
-            if not len(self._meshes[obj_id][0].faces):
-                raise FormatError(path, "has no faces, only points, so it cannot be drawn")
-        return self._meshes[obj_id]
 
 
 def _truth(dataset: BopDataset) -> GroundTruth | None:

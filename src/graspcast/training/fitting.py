@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Sequence
@@ -9,12 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from graspcast.io.progress import Progress
+from graspcast.io.progress import Count, Progress
 from graspcast.training.batches import make_batch
 from graspcast.training.checkpoint import Checkpoint
 from graspcast.training.geometry import Geometry
 from graspcast.training.objects import Objects
-from graspcast.training.pace import Pace
 from graspcast.training.samples import Samples
 from graspcast.training.settings import TrainingSettings
 
@@ -54,14 +54,14 @@ def fit(
     device
         ``cpu`` or ``cuda``, that of the networks.
     progress
-        Called with the share of steps done, and words with losses and the time left.
+        Called with the share of steps done, their number, and the losses.
     """
     torch.set_num_threads(settings.threads or max(1, (os.cpu_count() or 1) // 2))
     if all(one.step >= settings.steps for one in checkpoints):
         return
     geometry = Geometry.of(objects).to(device)
-    pace = Pace(_share(checkpoints, settings.steps))
-    saved = said = time.monotonic()
+    saved = time.monotonic()
+    said = -math.inf
     while any(one.step < settings.steps for one in checkpoints):
         step = min(one.step for one in checkpoints)
         random = torch.Generator().manual_seed(1_000_003 * settings.seed + step)
@@ -75,7 +75,7 @@ def fit(
         if progress is not None and now - said > _SAY_S:
             said = now
             share = _share(checkpoints, settings.steps)
-            progress(share, _words(checkpoints, settings.steps, pace.left(share)))
+            progress(share, _words(checkpoints, settings.steps))
         if now - saved > _SAVE_S:
             saved = now
             _save(checkpoints)
@@ -91,7 +91,7 @@ def _share(checkpoints: Sequence[Checkpoint], steps: int) -> float:
     return sum(min(one.step, steps) for one in checkpoints) / (steps * len(checkpoints))
 
 
-def _words(checkpoints: Sequence[Checkpoint], steps: int, left: str) -> str:
+def _words(checkpoints: Sequence[Checkpoint], steps: int) -> Count:
     losses = ", ".join(f"{one.name} {one.loss:.2f}" for one in checkpoints)
     step = min(one.step for one in checkpoints)
-    return ", ".join(filter(None, [f"step {step:,} of {steps:,}", f"loss of {losses}", left]))
+    return Count(step, steps, "training steps", f"loss of {losses}")

@@ -17,14 +17,13 @@ from scipy.spatial import ConvexHull
 
 from graspcast.errors import FormatError, InputError
 from graspcast.io.files import atomic_write
-from graspcast.io.progress import Progress
+from graspcast.io.progress import Count, Progress
 from graspcast.perception.crops import Crop, resample
 from graspcast.pose.transforms import invert, transform_points
 from graspcast.rendering.synthetic.camera import INTRINSICS, random_view
 from graspcast.rendering.synthetic.renderer import Frame, Renderer
 from graspcast.rendering.synthetic.tabletop import Tabletop
 from graspcast.training.objects import Objects
-from graspcast.training.pace import Pace
 
 __all__ = ["STORED_CELLS", "STORED_MARGIN", "STORED_PIXELS", "Samples", "render_samples"]
 
@@ -60,7 +59,7 @@ def render_samples(
     images
         Number of images, rounded up to a multiple of 16, the views of one arrangement of objects.
     progress
-        Called with the share of files done, and words with the time left.
+        Called with the share of files done, and their number.
 
     Raises
     ------
@@ -79,12 +78,10 @@ def render_samples(
     directory.mkdir(parents=True, exist_ok=True)
     hulls = {k: m.vertices[ConvexHull(m.vertices).vertices] for k, m in objects.meshes.items()}
     tabletop = Tabletop(objects.meshes, width=1280, height=960)
-    pace = Pace((files - len(wanted)) / files)
     with Renderer(tabletop, INTRINSICS) as renderer:
         for n, (k, path) in enumerate(wanted.items(), files - len(wanted)):
             if progress is not None:
-                words = [f"file {n + 1} of {files}", pace.left(n / files)]
-                progress(n / files, ", ".join(filter(None, words)))
+                progress(n / files, Count(n, files, "files of training images"))
             samples: list[dict[str, Any]] = []
             for layout in range(min(LAYOUTS, layouts - k * LAYOUTS)):
                 rng = np.random.default_rng([seed, k, layout, _TRAINING])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 
@@ -11,8 +12,8 @@ import polars as pl
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.errors import FormatError, InputError, UnknownNameError
-from graspcast.estimates.instances import KEY_COLUMNS
+from graspcast.errors import FormatError, InputError, MismatchError, UnknownNameError
+from graspcast.estimates.instances import KEY_COLUMNS, KEY_SCHEMA, InstanceKey
 from graspcast.io.arguments import PATH, checked
 from graspcast.io.tables import read_csv, read_parquet
 from graspcast.pose.covariances import check_covariance
@@ -34,11 +35,14 @@ class CovarianceTable:
         Of position (m) and rotation vector (rad), about the object's origin, (n, 6, 6).
     source
         The file's name.
+    keys
+        The instance of each pose; empty where the table does not name them.
     """
 
     objects: ndarray
     covariance: Float[ndarray, "n 6 6"]
     source: str
+    keys: tuple[InstanceKey, ...] = ()
 
     def __len__(self) -> int:
         return len(self.objects)
@@ -55,7 +59,26 @@ class CovarianceTable:
         if not mine.any():
             known = sorted(set(self.objects.tolist()))
             raise UnknownNameError("object", name, known, hint=f"{self.source} has poses of these")
-        return CovarianceTable(self.objects[mine], self.covariance[mine], self.source)
+        keys = tuple(key for key, is_mine in zip(self.keys, mine, strict=False) if is_mine)
+        return CovarianceTable(self.objects[mine], self.covariance[mine], self.source, keys)
+
+    def at(self, key: InstanceKey) -> Float[ndarray, "6 6"]:
+        """Return the covariance of an instance's pose.
+
+        Raises
+        ------
+        MismatchError
+            If the table has none.
+        """
+        if key not in self._rows:
+            raise MismatchError(
+                f"{self.source}: has no covariance of {key}", parameters=("covariances",)
+            )
+        return np.asarray(self.covariance[self._rows[key]])
+
+    @cached_property
+    def _rows(self) -> dict[InstanceKey, int]:
+        return {key: row for row, key in enumerate(self.keys)}
 
     def mean(self) -> Float[ndarray, "6 6"]:
         """Return the mean covariance: that of an error of a pose drawn at random."""
@@ -94,4 +117,15 @@ def read_covariances(path: str | PathLike[str]) -> CovarianceTable:
             check_covariance(each)
         except InputError as error:
             raise FormatError(path, str(error), where=f"row {row + 1}") from error
-    return CovarianceTable(objects.to_numpy().astype(str), matrix, str(path))
+    return CovarianceTable(objects.to_numpy().astype(str), matrix, str(path), _keys(path, frame))
+
+
+def _keys(path: Path, frame: pl.DataFrame) -> tuple[InstanceKey, ...]:
+    """Return the instances that the rows name; none where a column is missing."""
+    if any(name not in frame.columns for name in KEY_COLUMNS):
+        return ()
+    try:
+        columns = frame.select(pl.col(name).cast(kind) for name, kind in KEY_SCHEMA.items())
+    except pl.exceptions.PolarsError as error:
+        raise FormatError(path, f"holds a key that is no whole number: {error}") from error
+    return tuple(InstanceKey(*row) for row in columns.rows())

@@ -22,6 +22,7 @@ from graspcast.estimates.checks import (
 )
 from graspcast.estimates.instances import KEY_COLUMNS, Instances
 from graspcast.io.arguments import NAME, a, checked, mapping, number
+from graspcast.io.progress import Progress
 from graspcast.io.wording import counted
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.choice import MIN_PARALLAX_RAD, ViewRules, ViewsFrom
@@ -197,6 +198,7 @@ def fuse_estimates(
     max_views: int = 3,
     min_parallax_rad: float = MIN_PARALLAX_RAD,
     spreads: Spreads | None = None,
+    progress: Progress | None = None,
 ) -> FusedEstimates:
     """Fuse K >= 1 estimators' poses over the views of static scenes.
 
@@ -225,6 +227,8 @@ def fuse_estimates(
         Least angle between any two of them, seen from the object.
     spreads
         Of :func:`~graspcast.views.spread.learn_spreads`; the default for every estimator otherwise.
+    progress
+        Called with the share done, and the number of objects in images.
 
     Raises
     ------
@@ -252,6 +256,7 @@ def fuse_estimates(
         principal=principal,
         models=models,
         notes=notes,
+        progress=progress,
     )
 
 
@@ -327,10 +332,11 @@ def fuse_sane(
     principal: str,
     models: Mapping[str, Models] | None,
     notes: Sequence[str] = (),
+    progress: Progress | None = None,
 ) -> FusedEstimates:
     """Gather and fuse estimates that have passed all checks; see :func:`fuse_estimates`."""
     names, symmetries = tuple(sane), _symmetries(dataset, models)
-    gathered = gather(sane, motion, dataset, principal, spreads, symmetries, rules)
+    gathered = gather(sane, motion, dataset, principal, spreads, symmetries, rules, progress)
     poses = fuse_poses(
         gathered.view_T_obj,
         gathered.cam_T_view,

@@ -13,6 +13,7 @@ from numpy import ndarray
 from graspcast.bop.results import Results, score_order
 from graspcast.estimates.alignment import estimate_ids, partners
 from graspcast.estimates.instances import InstanceKey, Instances, object_name
+from graspcast.io.progress import Count, Progress
 from graspcast.io.wording import counted
 from graspcast.views.association import associate_views
 from graspcast.views.candidates import Candidates
@@ -227,6 +228,7 @@ def gather(
     spreads: Spreads,
     symmetries: Mapping[int, Float[ndarray, "s 4 4"]],
     rules: ViewRules,
+    progress: Progress | None = None,
 ) -> Gathered:
     """Gather the estimates of the principal's instances from the views of their scenes.
 
@@ -244,6 +246,8 @@ def gather(
         Of estimators, and of objects by number.
     rules
         Which images serve.
+    progress
+        Called with the share done, and the number of objects in images.
     """
     names = tuple(results)
     numbers = np.unique(results[principal].obj_id)
@@ -252,7 +256,10 @@ def gather(
     work = _Gatherer(results, principal, motion, spread, symmetries, rules)
     keys: list[InstanceKey] = []
     rows: list[_Row] = []
-    for key in sorted(work.rows[work.first]):
+    every = sorted(work.rows[work.first])
+    for done, key in enumerate(every):
+        if progress is not None:
+            progress(done / len(every), Count(done, len(every), "objects in images"))
         if rules.images is not None and key[:2] not in rules.images:
             continue
         if key in rules.without:

@@ -28,6 +28,7 @@ from graspcast.bop.units import millimetres
 from graspcast.errors import FormatError, InputError
 from graspcast.io.files import temporary_directory
 from graspcast.io.json import read_json, write_json
+from graspcast.io.progress import Count
 from graspcast.pose.transforms import invert
 from graspcast.rendering.synthetic.camera import INTRINSICS, View, random_view
 from graspcast.rendering.synthetic.renderer import Frame, Renderer
@@ -228,8 +229,9 @@ def _write_scene(
     targets = []
     for image in range(settings.images):
         if progress:
-            done = (scene - 1 + image / settings.images) / settings.scenes
-            progress(done, f"scene {scene}, image {image}")
+            done = (scene - 1) * settings.images + image
+            count = Count(done, settings.scenes * settings.images, "images")
+            progress(count.share, count)
         view = random_view(rng, centre)
         frame = renderer.frame(view)
         _save(folder / "rgb" / f"{image:06d}", frame.rgb, settings)

@@ -13,6 +13,7 @@ from numpy import ndarray
 
 from graspcast.errors import ExtraMissingError, InputError
 from graspcast.io.files import atomic_write
+from graspcast.io.progress import Count
 from graspcast.rendering.drawing import BAD, FAINT, GOOD, INK, blank, save_png, write
 from graspcast.rendering.trials.renderer import SceneRenderer
 from graspcast.simulation.trial.recording import Recording, State
@@ -120,7 +121,7 @@ def save_film(
             pixels = renderer.image(state, views[id(state)], recording.overlay(state))
             frame = _captioned(pixels, title, state.phase, recording.outcome if last else None)
             if progress is not None:
-                progress((k + 1) / len(states), f"frame {k + 1} of {len(states)}")
+                progress((k + 1) / len(states), Count(k + 1, len(states), "frames"))
             yield from (round(fps * _LINGER_S) if last else 1) * (frame,)
 
     size = (renderer.width, renderer.height)

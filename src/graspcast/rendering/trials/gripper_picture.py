@@ -12,6 +12,7 @@ from numpy import ndarray
 
 from graspcast.pose.transforms import invert, transform
 from graspcast.rendering.drawing import FAINT, INK, blank, save_png, write
+from graspcast.rendering.trials.bodies import rest_joints
 from graspcast.rendering.trials.renderer import SceneRenderer, View
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.trial.gripper_bench import grasp_of_column, standing_column
@@ -88,14 +89,12 @@ def save_gripper_picture(
 
 def _open_hand(runner: TrialRunner, gripper: Gripper, like: State) -> State:
     """Return the open hand high above the table, its TCP's z downwards and x to the right."""
-    scene = runner.scene
-    joints = scene.rest_qpos[scene.model.jnt_qposadr[scene.hand_joints]]
     sim_T_tcp = transform(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, _HELD_M]))
     away = np.eye(4)
     away[2, 3] = -50.0
     return replace(
         like,
-        hand_joints=joints.copy(),
+        hand_joints=rest_joints(runner),
         sim_T_obj=away,
         sim_T_base=sim_T_tcp @ invert(gripper.base_T_tcp),
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from os import PathLike
@@ -22,6 +21,7 @@ from graspcast.estimates.outcomes import (
 )
 from graspcast.io.arguments import PATH, a, checked
 from graspcast.io.hashing import canonical_json, sha256
+from graspcast.io.progress import Count
 from graspcast.simulation.campaign.dataset_card import write_card
 from graspcast.simulation.campaign.executors import Executor, LocalExecutor
 from graspcast.simulation.campaign.jobs import Batch, TrialSetup
@@ -220,15 +220,11 @@ class _Reporter:
         self, total: int, stored: int, progress: Callable[[float, str], None] | None
     ) -> None:
         self.done = stored
-        self._total, self._stored, self._progress = total, stored, progress
-        self._started = time.perf_counter()
+        self._total, self._progress = total, progress
         self.add(0)
 
     def add(self, count: int) -> None:
         self.done += count
         if self._progress is not None:
-            elapsed = max(time.perf_counter() - self._started, 1e-9)
-            rate = (self.done - self._stored) / elapsed
-            self._progress(
-                self.done / self._total, f"{self.done} of {self._total} trials, {rate:.1f}/s"
-            )
+            trials = Count(self.done, self._total, "trials")
+            self._progress(trials.share, trials)
