@@ -7,6 +7,7 @@
     │   ├── FormatError       a file does not follow its format
     │   ├── UnknownNameError  a name is not known; the message lists the known names
     │   └── MismatchError     two inputs are valid, but do not belong together
+    ├── InstallationError     MuJoCo is not installed, or broken; the message says how to mend it
     ├── ExtraMissingError     an optional dependency is not installed; the message has the pip line
     ├── EstimatorFailedError  an external estimator's command failed; with the end of its stderr
     ├── CampaignStoppedError  a campaign stopped early; its outcomes are kept, and it can be resumed
@@ -33,6 +34,7 @@ __all__ = [
     "FormatError",
     "GraspcastError",
     "InputError",
+    "InstallationError",
     "MismatchError",
     "TrainingDataWarning",
     "UnknownNameError",
@@ -162,6 +164,10 @@ class CampaignStoppedError(GraspcastError):
 
 class WorkerLostError(GraspcastError):
     """A worker process that computed trials has died."""
+
+
+class InstallationError(GraspcastError):
+    """A package that is always needed is not installed, or its files do not fit together."""
 
 
 class ExtraMissingError(GraspcastError):

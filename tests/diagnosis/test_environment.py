@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from importlib import metadata
 from pathlib import Path
 
 import pytest
 
 from graspcast.diagnosis import environment
 from graspcast.diagnosis.environment import environment_findings
+from graspcast.simulation.mujoco_version import InstalledMujoco
 
 
-def test_two_packages_of_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        metadata, "packages_distributions", lambda: {"mujoco": ["mujoco", "mujoco-core"]}
-    )
-    monkeypatch.setattr(metadata, "version", lambda name: "3.0")
+def test_a_broken_mujoco_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    broken = InstalledMujoco(Path("there"), {"mujoco": "3.17.0"}, "files are missing")
+    monkeypatch.setattr(environment, "installed_mujoco", lambda: broken)
     found = {f.code: f for f in environment_findings()}
-    assert "mujoco 3.0 and mujoco-core 3.0" in found["two-mujoco"].message
+    assert found["broken-mujoco"].severity == "error"
+    assert found["broken-mujoco"].message == "files are missing"
+    assert "pip install mujoco" in found["broken-mujoco"].cure
+
+
+def test_no_mujoco_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    none = InstalledMujoco(None, {}, "MuJoCo is not installed")
+    monkeypatch.setattr(environment, "installed_mujoco", lambda: none)
+    found = {f.code: f for f in environment_findings()}
+    assert found["no-mujoco"].cure == "Install it: pip install mujoco"
 
 
 def test_directories_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch) -> None:

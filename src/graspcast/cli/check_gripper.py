@@ -38,14 +38,8 @@ def add(verbs: Verbs) -> None:
 def _check_gripper(options: argparse.Namespace) -> None:
     from graspcast.errors import InputError
 
-    if options.picture is not None:
-        from graspcast.rendering.opengl_context import import_mujoco
-
-        if options.picture.suffix.lower() != ".png":
-            raise InputError(
-                f"{options.picture}: the picture is a .png file", parameters=("picture",)
-            )
-        import_mujoco()
+    if options.picture is not None and options.picture.suffix.lower() != ".png":
+        raise InputError(f"{options.picture}: the picture is a .png file", parameters=("picture",))
     from graspcast.simulation.grippers import load_gripper
     from graspcast.simulation.trial.gripper_conformance import check_gripper
 

@@ -79,9 +79,6 @@ def _demo(options: argparse.Namespace) -> int:
     from graspcast.bop.dataset import BopDataset
     from graspcast.cli import main
     from graspcast.demo_data import demo_dataset
-    from graspcast.rendering.opengl_context import import_mujoco
-
-    import_mujoco()
     from graspcast.simulation.grippers import load_gripper
 
     began = time.monotonic()

@@ -73,9 +73,6 @@ def _labels(
 
 
 def _grasps(options: argparse.Namespace) -> None:
-    from graspcast.rendering.opengl_context import import_mujoco
-
-    import_mujoco()
     from graspcast.rendering.trials.contact_sheet import draw_cells, save_sheet
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import GRIPPERS, load_grippers

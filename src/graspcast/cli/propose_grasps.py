@@ -329,10 +329,8 @@ def _draw(
     entries: list[ReferenceGrasp],
 ) -> None:
     from graspcast.cli.options import note_software_drawing
-    from graspcast.rendering.opengl_context import import_mujoco
     from graspcast.rendering.trials.contact_sheet import draw_grasps, save_sheet
 
-    import_mujoco()
     note_software_drawing()
     shown = entries[:_SHOWN]
     size = 320

@@ -67,9 +67,6 @@ def add(verbs: Verbs) -> None:
 
 
 def _render(options: argparse.Namespace) -> None:
-    from graspcast.rendering.opengl_context import import_mujoco
-
-    import_mujoco()
     from graspcast.io.files import temporary_directory
     from graspcast.rendering.synthetic.dataset import RenderSettings, render_dataset
     from graspcast.rendering.synthetic.paint import write_painted_models

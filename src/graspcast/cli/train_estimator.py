@@ -100,9 +100,6 @@ def _train_estimator(options: argparse.Namespace) -> None:
     from graspcast.training.pytorch import check_installed
 
     check_installed()
-    from graspcast.rendering.opengl_context import import_mujoco
-
-    import_mujoco()
     from graspcast.pose.lengths import shown
     from graspcast.training.card import HEADER
     from graspcast.training.objects import Objects

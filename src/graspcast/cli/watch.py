@@ -51,9 +51,6 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _watch(options: argparse.Namespace) -> None:
-    from graspcast.rendering.opengl_context import import_mujoco
-
-    import_mujoco()
     if options.out is None:
         from graspcast.rendering.trials.viewer import check_display
 

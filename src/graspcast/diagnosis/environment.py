@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Iterator
-from importlib import metadata
 from pathlib import Path
 
 from graspcast.diagnosis.finding import Finding
-from graspcast.errors import GraspcastError
+from graspcast.errors import GraspcastError, InstallationError
 from graspcast.io.address_space import check_address_space
 from graspcast.io.cache import cache_directory
+from graspcast.simulation.mujoco_version import installed_mujoco
 
 __all__ = ["environment_findings"]
 
@@ -31,36 +31,31 @@ def _address_space() -> Iterator[Finding]:
 
 
 def _mujoco() -> Iterator[Finding]:
-    """Say that several packages provide MuJoCo; which one is imported depends on their order."""
-    found = sorted(set(metadata.packages_distributions().get("mujoco", [])))
-    if len(found) > 1:
-        words = " and ".join(f"{name} {metadata.version(name)}" for name in found)
+    """Say that MuJoCo is not installed, or that its files are not those of one version."""
+    installed = installed_mujoco()
+    if installed.problem:
         yield Finding(
-            "warning",
-            "two-mujoco",
+            "error",
+            "broken-mujoco" if installed.folder else "no-mujoco",
             "environment",
-            f"{words} both provide the package mujoco: files of one replace those of the other",
-            f"Uninstall both, then install one: pip uninstall {' '.join(found)}; "
-            "pip install mujoco-core",
-            {"packages": found},
+            installed.problem,
+            installed.remedy,
+            {"packages": installed.owners, "folder": str(installed.folder or "")},
         )
-    if not found:
-        yield Finding(
-            "warning",
-            "no-mujoco",
-            "environment",
-            "the package mujoco is not installed",
-            "Install it for simulated trials and pictures: pip install mujoco-core",
-        )
+        return
+    try:
+        import graspcast.simulation.engine  # noqa: F401
+    except InstallationError as error:
+        yield Finding("error", "broken-mujoco", "environment", str(error), installed.remedy)
 
 
 def _opengl() -> Iterator[Finding]:
     from graspcast.rendering.backend import why_software
-    from graspcast.rendering.opengl_context import import_mujoco
 
     try:
-        import_mujoco()
         reason = why_software()
+    except InstallationError:  # said by what looks at MuJoCo
+        return
     except (GraspcastError, ImportError) as error:
         yield Finding(
             "warning", "no-opengl", "environment", str(error), "Unset MUJOCO_GL, or correct it"

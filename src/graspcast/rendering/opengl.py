@@ -29,7 +29,7 @@ class OpenGLDrawer:
     def __init__(self, model: Any, width: int, height: int):
         self._context: Any = None
         self._mjr: Any = None
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         self.model, self.width, self.height = model, width, height
         self._context = open_context(width, height)
@@ -53,14 +53,14 @@ class OpenGLDrawer:
 
     def upload(self, texture: int) -> None:
         """Update a texture of the model that has changed, by MuJoCo's id."""
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         self._context.make_current()
         mujoco.mjr_uploadTexture(self.model, self._mjr, texture)
 
     def _read(self, scene: Any, pixels: ndarray, depth: ndarray | None) -> None:
         """Render into arrays, whose first row is the bottom of the image."""
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         self._context.make_current()
         area = mujoco.MjrRect(0, 0, pixels.shape[1], pixels.shape[0])

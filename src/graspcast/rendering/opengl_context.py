@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import platform
-import sys
 from typing import Any
 
 from graspcast.errors import ExtraMissingError, InputError
 
-__all__ = ["backend", "disabled", "import_mujoco", "open_context"]
+__all__ = ["backend", "disabled", "open_context"]
 
 _BACKENDS = ("egl", "osmesa", "glfw")
 _NONE = ("disable", "disabled", "off", "false", "0")  # as MuJoCo spells them
@@ -19,24 +17,6 @@ _NONE = ("disable", "disabled", "off", "false", "0")  # as MuJoCo spells them
 def disabled() -> bool:
     """Return whether ``MUJOCO_GL`` disables OpenGL."""
     return os.environ.get("MUJOCO_GL", "").strip().lower() in _NONE
-
-
-def import_mujoco() -> None:
-    """Import MuJoCo without its own choice of an OpenGL backend.
-
-    On Linux the import fails if ``MUJOCO_GL`` names a backend that is not installed;
-    :func:`open_context` chooses the backend when something is rendered.
-    """
-    if platform.system() != "Linux" or "mujoco" in sys.modules:
-        return
-    before = os.environ.get("MUJOCO_GL")
-    os.environ["MUJOCO_GL"] = "disable"
-    try:
-        importlib.import_module("mujoco")
-    finally:
-        del os.environ["MUJOCO_GL"]
-        if before is not None:
-            os.environ["MUJOCO_GL"] = before
 
 
 def backend() -> str:
@@ -68,6 +48,8 @@ def open_context(width: int, height: int) -> Any:
     InputError
         If OpenGL does not work; the message says what to install.
     """
+    from graspcast.simulation.engine import mujoco  # the first import of MuJoCo is checked
+
     name = backend()
     try:
         if name == "egl":
@@ -80,7 +62,7 @@ def open_context(width: int, height: int) -> Any:
             from mujoco.rendering.classic.gl_context import GLContext
         context = GLContext(width, height)
         context.make_current()
-        _check_renderer()
+        _check_renderer(mujoco)
     except Exception as error:  # backends and drivers raise many types
         package = getattr(error, "name", None) or ""
         if isinstance(error, ModuleNotFoundError) and package.split(".")[0] in ("OpenGL", "glfw"):
@@ -101,9 +83,7 @@ def open_context(width: int, height: int) -> Any:
     return context
 
 
-def _check_renderer() -> None:
+def _check_renderer(mujoco: Any) -> None:
     """Create and free a renderer; MuJoCo raises if the context is unusable."""
-    import mujoco
-
     smallest = mujoco.MjModel.from_xml_string("<mujoco/>")
     mujoco.MjrContext(smallest, mujoco.mjtFontScale.mjFONTSCALE_50).free()

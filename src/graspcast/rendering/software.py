@@ -45,7 +45,7 @@ class SoftwareDrawer:
 
     def draw(self, scene: Any) -> UInt8[ndarray, "h w 3"]:
         """Render an ``MjvScene`` that has been updated."""
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         cam_T_sim, K = self._camera(scene)
         canvas = Canvas(K, self.width, self.height)
@@ -101,8 +101,9 @@ class SoftwareDrawer:
         return invert(transform(axes, middle)), K
 
     def _shape(self, geom: Any) -> _Shape | None:
-        import mujoco
         from trimesh import creation
+
+        from graspcast.simulation.engine import mujoco
 
         kind, types = geom.type, mujoco.mjtGeom
         size = np.array(geom.size, np.float64)

@@ -19,7 +19,7 @@ def _ignore(message: str) -> None:
 
 def quiet_mujoco() -> None:
     """Keep MuJoCo from writing warnings to a log file in the working directory."""
-    import mujoco
+    from graspcast.simulation.engine import mujoco
 
     if mujoco.get_mju_user_warning() is None:
         mujoco.set_mju_user_warning(_ignore)
@@ -42,11 +42,13 @@ def compile_spec(spec: Any, what: str, remarks: list[str] | None = None) -> Any:
     InputError
         If MuJoCo does not compile it.
     """
+    from graspcast.simulation.engine import avoid_wrong_factors
+
     quiet_mujoco()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            return spec.compile()
+            return avoid_wrong_factors(spec.compile())
         except (ValueError, TypeError, RuntimeError) as error:
             raise InputError(f"{what} does not compile: {one_line(error)}") from error
         finally:

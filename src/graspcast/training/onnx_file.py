@@ -7,7 +7,6 @@ import logging
 import platform
 import warnings
 from collections.abc import Mapping
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -133,6 +132,8 @@ def _objects(objects: Objects) -> list[dict[str, Any]]:
 
 
 def _made(checkpoint: Checkpoint, settings: TrainingSettings) -> dict[str, Any]:
+    from graspcast.simulation.engine import mujoco
+
     return {
         "steps": checkpoint.step,
         "batch": BATCH,
@@ -141,6 +142,6 @@ def _made(checkpoint: Checkpoint, settings: TrainingSettings) -> dict[str, Any]:
         "strength": settings.strength,
         "graspcast": __version__,
         "torch": torch.__version__,
-        "mujoco": version("mujoco-core"),
+        "mujoco": mujoco.__version__,
         "python": platform.python_version(),
     }

@@ -17,7 +17,6 @@ from graspcast.io.files import atomic_write, check_target, temporary_directory, 
 from graspcast.io.locks import exclusive_lock
 from graspcast.io.progress import Progress
 from graspcast.perception.network import Network
-from graspcast.rendering.opengl_context import import_mujoco
 from graspcast.training.card import card
 from graspcast.training.objects import Objects
 from graspcast.training.pytorch import check_installed, choose_device
@@ -96,7 +95,6 @@ def train_estimators(
     settings = settings or TrainingSettings()
     check_installed()
     device = choose_device(settings.device)
-    import_mujoco()
     work, out = Path(work), Path(out)
     busy = f"{work}: another process trains here; wait for it, or choose another directory"
     for name in settings.estimators:

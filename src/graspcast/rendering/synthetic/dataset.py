@@ -10,7 +10,6 @@ import re
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -174,6 +173,8 @@ def _write(
     split: str,
     progress: Callable[[float, str], None] | None,
 ) -> None:
+    from graspcast.simulation.engine import mujoco
+
     (root / "models").mkdir(parents=True)
     info = read_json(models / "models_info.json", dict)
     _dump(root / "models" / "models_info.json", {str(k): info[str(k)] for k in meshes})
@@ -203,7 +204,7 @@ def _write(
             "objects": list(meshes),
             "versions": {
                 "graspcast": __version__,
-                "mujoco": version("mujoco-core"),
+                "mujoco": mujoco.__version__,
                 "numpy": np.__version__,
                 "python": platform.python_version(),
             },

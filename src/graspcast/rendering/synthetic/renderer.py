@@ -65,7 +65,7 @@ class Renderer:
     def __init__(
         self, tabletop: Tabletop, K: Float[ndarray, "3 3"], *, width: int = 640, height: int = 480
     ):
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         self.tabletop, self.K, self.width, self.height = tabletop, K, width, height
         self._drawer = OpenGLDrawer(tabletop.model, 2 * width, 2 * height)
@@ -122,7 +122,7 @@ class Renderer:
     def _set_camera(
         self, view: View, K: Float[ndarray, "3 3"], width: int, height: int, groups: Any
     ) -> None:
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         option = mujoco.MjvOption()
         option.geomgroup[:] = [group in groups for group in range(6)]
@@ -141,7 +141,7 @@ class Renderer:
             camera.frustum_near, camera.frustum_far = _NEAR, _FAR
 
     def _labels(self, width: int, height: int) -> Int[ndarray, "h w"]:
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         scene, flags = self._scene, self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1

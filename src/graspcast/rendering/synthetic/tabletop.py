@@ -69,14 +69,14 @@ class Tabletop:
     """
 
     def __init__(self, meshes: Mapping[int, ColouredMesh], *, width: int, height: int):
-        import mujoco
+        from graspcast.simulation.engine import avoid_wrong_factors, mujoco
 
         if not meshes:
             raise InputError("there are no objects")
         self.obj_ids = tuple(meshes)
         spec = _spec(meshes, width, height)
         try:
-            self.model = spec.compile()
+            self.model = avoid_wrong_factors(spec.compile())
         except ValueError as error:
             first = str(error).splitlines()[0]
             raise InputError(
@@ -143,7 +143,7 @@ class Tabletop:
             model.mat_shininess[material] = rng.uniform(0.1, 0.9)
 
     def _drop(self, rng: np.random.Generator) -> bool:
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         model, data = self.model, self.data
         mujoco.mj_resetData(model, data)
@@ -194,7 +194,7 @@ class Tabletop:
 
 
 def _type(kind: str) -> int:
-    import mujoco
+    from graspcast.simulation.engine import mujoco
 
     return int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}"))
 
@@ -210,7 +210,7 @@ def _orientation(rng: np.random.Generator, upright: Float[ndarray, "3 3"]) -> nd
 
 
 def _spec(meshes: Mapping[int, ColouredMesh], width: int, height: int) -> Any:
-    import mujoco
+    from graspcast.simulation.engine import mujoco
 
     spec = mujoco.MjSpec()
     spec.option.timestep = _STEP
@@ -257,7 +257,7 @@ def _spec(meshes: Mapping[int, ColouredMesh], width: int, height: int) -> Any:
 
 def _add_texture(spec: Any, name: str, pixels: UInt8[ndarray, "h w 3"]) -> None:
     """Add a texture and a material of that name."""
-    import mujoco
+    from graspcast.simulation.engine import mujoco
 
     texture = spec.add_texture(
         name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, nchannel=3,

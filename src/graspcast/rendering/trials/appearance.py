@@ -56,7 +56,7 @@ class Appearance:
         width: int = 640,
         height: int = 480,
     ):
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         self.model = _model(grasp_object, gripper, width, height, collision)
         self.data = mujoco.MjData(self.model)
@@ -69,7 +69,7 @@ class Appearance:
 
     def pose(self, state: State, sim_T_est: Float[ndarray, "4 4"] | None = None) -> None:
         """Set the model to a state, and show the estimate if one is given."""
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         for name, pose in (
             ("object", state.sim_T_obj),
@@ -105,7 +105,7 @@ def _model(
     grasp_object: GraspObject, gripper: Gripper, width: int, height: int, collision: bool
 ) -> Any:
     """Return the compiled model; object, estimate and hand are mocap bodies."""
-    import mujoco
+    from graspcast.simulation.engine import mujoco
 
     spec = mujoco.MjSpec()
     _add_surroundings(spec, width, height)
@@ -128,7 +128,7 @@ def _model(
 
 def _add_surroundings(spec: Any, width: int, height: int) -> None:
     """Add the camera's settings, sky, table and lights."""
-    import mujoco
+    from graspcast.simulation.engine import mujoco
 
     visual = spec.visual
     visual.global_.fovy = FOVY_DEG
@@ -183,7 +183,7 @@ def _add_shape(
     spec: Any, body: Any, grasp_object: GraspObject, material: str, collision: bool
 ) -> None:
     """Add the object's mesh, or its collision pieces if requested or if there is no mesh."""
-    import mujoco
+    from graspcast.simulation.engine import mujoco
 
     look = {"material": material, "contype": 0, "conaffinity": 0}
 

@@ -80,7 +80,7 @@ class SceneRenderer:
         collision: bool = False,
     ):
         self._drawer: Drawer | None = None
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         self.width, self.height = width, height
         self.gripper = gripper
@@ -94,7 +94,7 @@ class SceneRenderer:
         self, state: State, view: View, sim_T_est: Float[ndarray, "4 4"] | None = None
     ) -> UInt8[ndarray, "h w 3"]:
         """Draw a state, with the estimate as an overlay if one is given."""
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         if self._drawer is None:
             raise ValueError("this renderer is closed")

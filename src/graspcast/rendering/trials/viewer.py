@@ -60,9 +60,9 @@ def replay(
     InputError
         On macOS, if Python was not started as ``mjpython``.
     """
-    from mujoco import viewer
-
     seen = Appearance(grasp_object, gripper, collision=collision)
+    from mujoco import viewer  # once the appearance has imported MuJoCo, checked
+
     seen.pose(recording.states[0])
     try:
         window = viewer.launch_passive(

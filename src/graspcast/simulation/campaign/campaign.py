@@ -7,7 +7,6 @@ from contextlib import closing
 from os import PathLike
 from typing import Any
 
-import mujoco
 import numpy as np
 import polars as pl
 
@@ -27,6 +26,7 @@ from graspcast.simulation.campaign.executors import Executor, LocalExecutor
 from graspcast.simulation.campaign.jobs import Batch, TrialSetup
 from graspcast.simulation.campaign.requests import SetupKey, TrialRequests
 from graspcast.simulation.campaign.store import COLUMNS, Store
+from graspcast.simulation.engine import mujoco
 from graspcast.simulation.trial.trial import Outcome
 
 __all__ = ["always_missed", "mostly_collided", "reason_counts", "run_campaign"]

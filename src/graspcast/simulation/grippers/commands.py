@@ -53,7 +53,7 @@ def read_controls(
 
 def _of_keyframe(path: Path, model: Path, name: str) -> dict[str, float]:
     """Return the controls of all actuators at a keyframe of the model."""
-    import mujoco
+    from graspcast.simulation.engine import mujoco
 
     spec = read_model(model)
     keys = {key.name: key for key in spec.keys}

@@ -20,7 +20,7 @@ _FINITE = (
 
 def hand_size_m(model: Any) -> float:
     """Return the largest side of the bounding box of a compiled hand, metres."""
-    import mujoco
+    from graspcast.simulation.engine import mujoco
 
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

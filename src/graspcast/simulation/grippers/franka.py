@@ -91,7 +91,7 @@ class FrankaHand:
 
     def spec(self) -> Any:
         """Return the model: a box for the body, and a box and a pad for each finger."""
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         spec = mujoco.MjSpec()
         hand = spec.worldbody.add_body(name="hand")
@@ -107,16 +107,17 @@ class FrankaHand:
         for side in ("left", "right"):
             self._add_finger(hand, side)
         # One drive moves both fingers, so neither can push the other back.
-        spec.add_equality(
+        drive = spec.add_equality(
             name="one drive",
             type=mujoco.mjtEq.mjEQ_JOINT,
             objtype=mujoco.mjtObj.mjOBJ_JOINT,
             name1="left",
             name2="right",
-            data=(0, 1) + 10 * (0,),
             solref=(0.006, 1),
             solimp=(0.98, 0.999, 0.0005, 0.5, 2),
         )
+        drive.data = np.zeros(len(drive.data))  # 11 numbers or 12, by MuJoCo's version
+        drive.data[1] = 1.0
         tendon = spec.add_tendon(name="opening")
         tendon.wrap_joint("left", 1.0)
         tendon.wrap_joint("right", 1.0)
@@ -131,7 +132,7 @@ class FrankaHand:
         return spec
 
     def _add_finger(self, hand: Any, side: str) -> None:
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         box = mujoco.mjtGeom.mjGEOM_BOX
         finger = hand.add_body(name=f"{side}_finger", pos=(0, 0, 0.0584))

@@ -79,7 +79,7 @@ def read_model(path: Path) -> Any:
     FormatError
         If MuJoCo does not read it.
     """
-    import mujoco
+    from graspcast.simulation.engine import mujoco
 
     if not path.exists():
         raise InputError(f"{path}: there is no such file; the TOML's key 'model' names it")
@@ -166,7 +166,7 @@ def compile_hand(spec: Any, path: Path) -> Any:
 
 
 def _add_drive(spec: Any, path: Path, drive: JointDrive) -> None:
-    import mujoco
+    from graspcast.simulation.engine import mujoco
 
     joints = {joint.name: joint for joint in spec.joints}
     if drive.joint not in joints:

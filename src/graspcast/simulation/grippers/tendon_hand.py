@@ -140,7 +140,7 @@ class TendonHand:
 
     def spec(self) -> Any:
         """Return the model: a box for the palm, capsules for the links, fixed tendons."""
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         spec = mujoco.MjSpec()
         spec.compiler.degree = False
@@ -190,7 +190,7 @@ class TendonHand:
     def _digit(
         self, palm: Any, name: str, base: tuple[float, float, float], *, turned: bool
     ) -> None:
-        import mujoco
+        from graspcast.simulation.engine import mujoco
 
         parent, pos = palm, base
         for k, part in enumerate(("proximal", "distal")):

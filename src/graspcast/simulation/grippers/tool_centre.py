@@ -40,7 +40,7 @@ def read_tcp(path: Path, table: TomlTable, compiled: Any) -> Float[ndarray, "4 4
     UnknownNameError
         If the model lacks the site or the body.
     """
-    import mujoco
+    from graspcast.simulation.engine import mujoco
 
     given = [key for key in _KEYS if key in table.values]
     data = mujoco.MjData(compiled)

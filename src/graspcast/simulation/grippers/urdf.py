@@ -34,7 +34,7 @@ def read_urdf(path: Path) -> Any:
         If it is not URDF that MuJoCo reads, or a mesh of a collision shape is not found or of
         another format.
     """
-    import mujoco
+    from graspcast.simulation.engine import mujoco
 
     text = read_text(path, MAX_TEXT_BYTES)
     if "<xacro:" in text:  # the declaration of the namespace is left in what xacro writes

@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections import deque
 from typing import Literal, NamedTuple
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from graspcast.simulation.engine import mujoco
 from graspcast.simulation.trial.scene import HAND, OBJECT, TABLE, Scene
 
 __all__ = ["SAMPLE_S", "Approach", "CollisionMonitor", "forces_on_hand"]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from graspcast.simulation.engine import mujoco
 from graspcast.simulation.grippers.protocol import Closing, Gripper
 from graspcast.simulation.objects.types import Grasp, GraspObject, Primitive, box_corners
 from graspcast.simulation.trial.scene import Scene

@@ -5,11 +5,11 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
+from graspcast.simulation.engine import mujoco
 from graspcast.simulation.objects.types import box_corners
 from graspcast.simulation.trial.gripper_motion import ClosingMotion
 from graspcast.simulation.trial.scene import Scene

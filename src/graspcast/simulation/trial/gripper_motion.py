@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
+from graspcast.simulation.engine import mujoco
 from graspcast.simulation.trial.scene import HAND, Scene
 
 __all__ = ["ClosingMotion", "closing_motion"]

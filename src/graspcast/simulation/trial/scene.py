@@ -9,13 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import MismatchError
 from graspcast.pose.transforms import invert, quaternion, rotation_from_quaternion
+from graspcast.simulation.engine import mujoco
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.mujoco_messages import compile_spec
 from graspcast.simulation.objects.types import ConvexPiece, GraspObject, box_corners

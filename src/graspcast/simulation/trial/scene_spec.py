@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from graspcast.pose.transforms import quaternion
+from graspcast.simulation.engine import jacobian, mujoco
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import ConvexPiece, GraspObject
 from graspcast.simulation.trial.settings import TrialSettings
@@ -51,9 +51,9 @@ def scene_spec(grasp_object: GraspObject, gripper: Gripper, settings: TrialSetti
 
 def set_solver(option: Any, solver: tuple[float, str]) -> None:
     """Set the tolerance of the constraint solver, and how it stores Jacobians."""
-    tolerance, jacobian = solver
+    tolerance, storage = solver
     option.tolerance = tolerance
-    option.jacobian = getattr(mujoco.mjtJacobian, "mjJAC_" + jacobian.upper())
+    option.jacobian = jacobian(storage)
 
 
 def _set_options(spec: Any, settings: TrialSettings) -> None:
@@ -68,7 +68,7 @@ def _set_options(spec: Any, settings: TrialSettings) -> None:
     # An unstable state must be detected, not reset silently.
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     # With so few bodies, finding islands takes longer than it saves.
-    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+    option.disableflags |= int(getattr(mujoco.mjtDisableBit, "mjDSBL_ISLAND", 0))
 
 
 def _add_object(spec: Any, grasp_object: GraspObject, settings: TrialSettings) -> None:

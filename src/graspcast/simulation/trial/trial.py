@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
@@ -16,6 +15,7 @@ from numpy import ndarray
 from graspcast.errors import MismatchError
 from graspcast.io.hashing import sha256
 from graspcast.pose.transforms import compose, invert
+from graspcast.simulation.engine import mujoco
 from graspcast.simulation.grippers.protocol import Equilibrium, Gripper, gripper_digest
 from graspcast.simulation.objects.types import ConvexPiece, Grasp, GraspObject, check_rigid
 from graspcast.simulation.trial.collision import SAMPLE_S, Approach, CollisionMonitor
