@@ -10,13 +10,11 @@ import pytest
 
 from cubes import write_tables
 from graspcast.cli.one_trial import add_trial, record
-from graspcast.rendering.opengl_context import import_mujoco
 
 
 def test_the_trial_of_the_options_is_recorded(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    import_mujoco()
     parser = argparse.ArgumentParser()
     add_trial(parser)
     options = parser.parse_args(

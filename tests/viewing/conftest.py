@@ -10,7 +10,6 @@ import pytest
 from cubes import write_tables
 from graspcast.bop.dataset import BopDataset
 from graspcast.pose.transforms import transform
-from graspcast.rendering.opengl_context import import_mujoco
 from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp, read_grasps
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.objects.catalogue import read_catalogue
@@ -45,7 +44,6 @@ def table() -> GraspTable:
 
 @pytest.fixture(scope="session")
 def runner(tmp_path_factory: pytest.TempPathFactory) -> TrialRunner:
-    import_mujoco()
     folder = tmp_path_factory.mktemp("cube")
     write_tables(folder)
     reference = read_grasps(folder / "grasps.toml")("cube", "parallel")

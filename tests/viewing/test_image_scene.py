@@ -14,7 +14,6 @@ from graspcast.bop.results import Results, read_results
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.instances import InstanceKey
 from graspcast.pose.transforms import compose, invert
-from graspcast.rendering.opengl_context import import_mujoco
 from graspcast.simulation.grasps.table import GraspTable
 from graspcast.simulation.grippers import load_gripper
 from graspcast.viewing.colours import of_probability
@@ -83,7 +82,6 @@ def test_an_ellipsoid_has_two_standard_deviations_along_each_axis_of_the_object(
 def test_an_open_hand_is_at_each_grasp_in_the_colour_of_its_probability(
     dataset: BopDataset, table: GraspTable
 ) -> None:
-    import_mujoco()
     pose = np.eye(4)
     pose[:3, 3] = 0.1, 0.2, 0.7
     rows = [
@@ -111,7 +109,6 @@ def test_an_open_hand_is_at_each_grasp_in_the_colour_of_its_probability(
 def test_a_verdict_on_a_grasp_that_no_table_has_is_refused(
     dataset: BopDataset, table: GraspTable
 ) -> None:
-    import_mujoco()
     row = replace(verdict_row(*IMAGE, 1, probability=0.5), grasp="sideways")
     with pytest.raises(UnknownNameError, match="sideways"):
         image_scene(dataset, IMAGE, Seen(grasps=Grasps([row], table, load_gripper)))

@@ -21,8 +21,8 @@ from graspcast.cli.options import (
     share,
     write_json,
 )
-from graspcast.cli.promises import confidence_of, print_alternatives, promised, rate_of
 from graspcast.cli.progress import progress_bar
+from graspcast.cli.promises import confidence_of, print_alternatives, promised, rate_of
 from graspcast.cli.view_options import add_policy, motions_of, policy_options
 from graspcast.io.wording import counted
 

@@ -80,10 +80,7 @@ def add_trial(verb: argparse.ArgumentParser, *, built_in: bool = False) -> None:
 
 
 def record(options: argparse.Namespace) -> RecordedTrial:
-    """Run the trial of the options, and print its outcome.
-
-    MuJoCo must have been imported by :func:`graspcast.rendering.opengl_context.import_mujoco`.
-    """
+    """Run the trial of the options, and print its outcome."""
     from graspcast.rendering.trials.film import describe
     from graspcast.simulation.grasps.table import read_grasps
     from graspcast.simulation.grippers import load_gripper

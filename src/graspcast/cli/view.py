@@ -115,9 +115,6 @@ def _add_files(verb: argparse.ArgumentParser) -> None:
 
 
 def _view(options: argparse.Namespace) -> None:
-    from graspcast.rendering.opengl_context import import_mujoco
-
-    import_mujoco()
     if options.out is not None and options.out.suffix.lower() != ".glb":
         raise InputError(f"{options.out}: a scene is written to .glb", parameters=("out",))
     if options.out is None:

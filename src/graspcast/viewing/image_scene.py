@@ -29,7 +29,7 @@ from graspcast.views.covariance_table import CovarianceTable
 __all__ = ["ELLIPSOID_SD", "Grasps", "Seen", "image_scene"]
 
 ELLIPSOID_SD = 2.0
-"""Standard deviations of the position from the middle of an ellipsoid to its surface, by default."""
+"""Standard deviations of the position from an ellipsoid's centre to its surface, by default."""
 
 _LEAST_M = 1e-5
 _SEEN_THROUGH, _FUSED, _ABSTAIN = 0.3, 0.4, 0.4

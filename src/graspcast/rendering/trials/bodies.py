@@ -127,7 +127,7 @@ def _body(model: Any, number: int, name: str) -> Body | None:
 
 def _shape(model: Any, geom: int) -> tuple[ndarray, ndarray] | None:
     """Return the mesh of a geom in its own frame; None for one without an end, such as a plane."""
-    import mujoco
+    from graspcast.simulation.engine import mujoco
     from trimesh import creation
 
     kinds, size = mujoco.mjtGeom, model.geom_size[geom]
