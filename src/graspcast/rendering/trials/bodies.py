@@ -127,8 +127,9 @@ def _body(model: Any, number: int, name: str) -> Body | None:
 
 def _shape(model: Any, geom: int) -> tuple[ndarray, ndarray] | None:
     """Return the mesh of a geom in its own frame; None for one without an end, such as a plane."""
-    from graspcast.simulation.engine import mujoco
     from trimesh import creation
+
+    from graspcast.simulation.engine import mujoco
 
     kinds, size = mujoco.mjtGeom, model.geom_size[geom]
     kind = model.geom_type[geom]
