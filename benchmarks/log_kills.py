@@ -3,8 +3,9 @@
     python benchmarks/log_kills.py --kills 1000
 
 Each writer is a process of its own that appends frames and outcomes from two threads, and tells
-each record on a pipe after it was acknowledged. It is killed with SIGKILL at a random moment, also
-while it opens the log. The next writer opens the same log and goes on.
+each record on a pipe after it was acknowledged. It is killed with SIGKILL at a random moment: one
+in five from its start on, so also while it opens the log, the others after their first record. The
+next writer opens the same log and goes on.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ def write(path: Path, writer: int, pipe: int) -> None:
         thread.start()
 
 
-def kill_one(path: Path, writer: int, delay_s: float) -> list[str]:
+def kill_one(path: Path, writer: int, delay_s: float, *, from_start: bool) -> list[str]:
     """Start a writer, kill it after a delay, and return the records that were acknowledged."""
     reading, writing = os.pipe()
     child = os.fork()
@@ -93,9 +94,12 @@ def kill_one(path: Path, writer: int, delay_s: float) -> list[str]:
         finally:
             os._exit(1)
     os.close(writing)
-    told = []
-    drain = threading.Thread(target=lambda: told.append(_all(reading)))
+    told: list[bytes] = []
+    began = threading.Event()
+    drain = threading.Thread(target=_drain, args=(reading, told, began))
     drain.start()
+    if not from_start:
+        began.wait(30.0)
     time.sleep(delay_s)
     os.kill(child, signal.SIGKILL)
     status = os.waitpid(child, 0)[1]
@@ -103,12 +107,17 @@ def kill_one(path: Path, writer: int, delay_s: float) -> list[str]:
     if os.waitstatus_to_exitcode(status) != -signal.SIGKILL:
         raise RuntimeError(f"writer {writer} ended by itself: {status}")
     # What was cut off in the middle was acknowledged too, but its name is not known.
-    return told[0].decode().splitlines()[: told[0].count(b"\n")]
+    text = b"".join(told)
+    return text.decode().splitlines()[: text.count(b"\n")]
 
 
-def _all(pipe: int) -> bytes:
-    with os.fdopen(pipe, "rb") as stream:
-        return stream.read()
+def _drain(pipe: int, told: list[bytes], began: threading.Event) -> None:
+    """Read a pipe to its end, and say when the first came."""
+    while part := os.read(pipe, 65536):
+        told.append(part)
+        began.set()
+    os.close(pipe)
+    began.set()
 
 
 def run(path: Path, kills: int, longest_s: float, seed: int = 0) -> dict[str, Any]:
@@ -117,7 +126,8 @@ def run(path: Path, kills: int, longest_s: float, seed: int = 0) -> dict[str, An
     acknowledged: list[str] = []
     before_first = 0
     for writer in range(kills):
-        told = kill_one(path, writer, rng.uniform(0.0, longest_s))
+        from_start = rng.random() < 0.2
+        told = kill_one(path, writer, rng.uniform(0.0, longest_s), from_start=from_start)
         before_first += not told
         acknowledged += told
         if writer % 100 == 99:
