@@ -51,13 +51,7 @@ def add(verbs: Verbs) -> None:
     verb.add_argument("--gripper", metavar="NAME", required=True, help="gripper of the outcomes")
     add_outcomes(verb, required=False)
     _add_learned(verb)
-    verb.add_argument(
-        "--grasps",
-        metavar="FILE",
-        type=Path,
-        help="own grasps (TOML) that the outcomes are of; the model file carries them, and the "
-        "built-in ones otherwise, so that verdicts at the robot have gripper poses",
-    )
+    _add_grasps(verb)
     verb.add_argument(
         "--simulated",
         metavar="DIR",
@@ -108,6 +102,16 @@ def _add_learned(verb: argparse.ArgumentParser) -> None:
         help="an estimator whose outcomes teach how pose errors make grasps fail (success given "
         "error of blend and two-stage), but that the model does not need afterwards; may be "
         "repeated; one estimator is left with camera poses, or two or more",
+    )
+
+
+def _add_grasps(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument(
+        "--grasps",
+        metavar="FILE",
+        type=Path,
+        help="own grasps (TOML) that the outcomes are of; the model file carries them, and the "
+        "built-in ones otherwise, so that verdicts at the robot have gripper poses",
     )
 
 
