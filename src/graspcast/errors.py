@@ -6,7 +6,8 @@
     ├── InputError            an input is wrong: a file, a value, an argument
     │   ├── FormatError       a file does not follow its format
     │   ├── UnknownNameError  a name is not known; the message lists the known names
-    │   └── MismatchError     two inputs are valid, but do not belong together
+    │   ├── MismatchError     two inputs are valid, but do not belong together
+    │   └── UnknownEpisodeError  an episode is not known (any more); the message says why
     ├── InstallationError     MuJoCo is not installed, or broken; the message says how to mend it
     ├── ExtraMissingError     an optional dependency is not installed; the message has the pip line
     ├── EstimatorFailedError  an external estimator's command failed; with the end of its stderr
@@ -37,6 +38,7 @@ __all__ = [
     "InstallationError",
     "MismatchError",
     "TrainingDataWarning",
+    "UnknownEpisodeError",
     "UnknownNameError",
     "WorkerLostError",
 ]
@@ -127,6 +129,10 @@ class UnknownNameError(InputError):
 
 class MismatchError(InputError):
     """Two inputs are valid, but do not belong together."""
+
+
+class UnknownEpisodeError(InputError):
+    """An episode is not known: it never was, has expired, was forgotten or made room."""
 
 
 class EstimatorFailedError(GraspcastError):

@@ -54,6 +54,7 @@ def add(verbs: Verbs) -> None:
     verb.add_argument("--gripper", metavar="NAME", required=True, help="gripper of the outcomes")
     add_outcomes(verb, required=False)
     _add_learned(verb)
+    _add_grasps(verb)
     verb.add_argument(
         "--simulated",
         metavar="DIR",
@@ -108,6 +109,16 @@ def _add_learned(verb: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_grasps(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument(
+        "--grasps",
+        metavar="FILE",
+        type=Path,
+        help="own grasps (TOML) that the outcomes are of; the model file carries them, and the "
+        "built-in ones otherwise, so that verdicts at the robot have gripper poses",
+    )
+
+
 def _add_forest_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--trees",
@@ -156,6 +167,7 @@ def _train(options: argparse.Namespace) -> None:
     from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
     from graspcast.forecasting.models.mlp.types import MlpSettings
     from graspcast.forecasting.train import fit_forecaster
+    from graspcast.simulation.grasps.table import read_grasps
 
     inputs = inputs_with_images(options)
     data = _training_data(options, inputs)
@@ -190,6 +202,7 @@ def _train(options: argparse.Namespace) -> None:
         forecaster = fit_forecaster(data, progress=move, **settings)
     card = replace(forecaster.card, scores=scores)
     forecaster = replace(forecaster, card=card)
+    forecaster = forecaster.with_objects(inputs.models, read_grasps(options.grasps))
     if scores:
         rows = [
             [measure.replace("_", " "), *(_figure(s[measure]) for s in scores.values())]
@@ -199,13 +212,13 @@ def _train(options: argparse.Namespace) -> None:
         print_table(f"{card.method}, cross-validated scores", header, rows)
     thresholds = _print_thresholds(options, forecaster, others)
     forecaster.save(options.out)
-    note(*(f"Warning: {text}." for text in card.warnings))
+    note(*(f"Warning: {text}." for text in card.warnings), _carried(forecaster, options.grasps))
     write_json(options.json, {"card": card.as_dict(), "thresholds": thresholds})
     print_text(f"{options.out}: {_told(card, views=data.views is not None)}")
 
 
 def _told(card: ModelCard, *, views: bool) -> str:
-    """Say in one line what a model forecasts from what."""
+    """Say for what a model was trained, and on how much."""
     from graspcast.forecasting.one_estimator import ALONE
 
     simulated = f" ({len(card.simulated)} by simulation alone)" if card.simulated else ""
@@ -226,6 +239,18 @@ _SEEN = {
     "unseen_scenes_views": "two or three looks, each grasp forecast without its scene",
     "stored": "one look, each grasp forecast without its scene, as the model keeps it",
 }
+
+
+def _carried(forecaster: Forecaster, path: Path | None) -> str:
+    """Say which grasps the model file carries for the robot."""
+    card, known = forecaster.card, forecaster.known
+    assert known is not None
+    names = [set(card.grasps_of(name)) <= set(known.grasps.get(name, {})) for name in card.objects]
+    source = "the built-in ones" if path is None else f"of {path} and the built-in ones"
+    return (
+        f"the model file carries the {card.gripper} gripper's grasps of {sum(names)} of "
+        f"{counted(len(names), 'object')} ({source}); --grasps gives those that the outcomes are of"
+    )
 
 
 def _print_thresholds(
