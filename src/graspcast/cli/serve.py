@@ -1,0 +1,102 @@
+"""The verb ``serve``: verdicts over HTTP."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from contextlib import ExitStack
+from pathlib import Path
+
+from graspcast.cli.options import Verbs, new_verb, positive, share
+from graspcast.errors import InputError
+
+__all__ = ["add"]
+
+
+def add(verbs: Verbs) -> None:
+    """Add the verb ``serve``."""
+    verb = new_verb(
+        verbs,
+        "serve",
+        _serve,
+        "verdicts over HTTP",
+        "Answer HTTP requests: all estimates of a frame in, a decision on every instance out, and\n"
+        "outcomes into the log. GET /openapi.json describes every route. It listens on this\n"
+        "machine alone, unless the environment variable GRASPCAST_TOKEN holds a token, which\n"
+        "clients then show. SIGTERM and Ctrl-C stop it when all accepted requests are answered.\n"
+        "It logs one JSON object a line on standard error.",
+    )
+    verb.add_argument(
+        "--model",
+        metavar="PATH",
+        action="append",
+        required=True,
+        help="from train, or demo for one of the demonstration's objects; further ones, trained "
+        "with fewer supporters, serve where a supporter is missing",
+    )
+    verb.add_argument(
+        "--threshold",
+        metavar="P",
+        type=share,
+        help="attempt at this probability or above it (default: 0.5)",
+    )
+    verb.add_argument(
+        "--certificate", metavar="PATH", type=Path, help="from certify: its threshold instead"
+    )
+    verb.add_argument(
+        "--guide",
+        metavar="NAME",
+        help="whose pose guides the grasp: an estimator's, fused (the pose fused from several "
+        "views), or best, whichever has the highest probability (default: the model's principal)",
+    )
+    verb.add_argument(
+        "--max-looks",
+        metavar="N",
+        type=positive,
+        default=3,
+        help="looks after which the decision is never to look again (default: 3)",
+    )
+    verb.add_argument(
+        "--log",
+        metavar="PATH",
+        type=Path,
+        help="keep every decision and outcome in this log; it is made if it does not exist",
+    )
+    verb.add_argument(
+        "--host", metavar="NAME", default="127.0.0.1", help="where to listen (default: 127.0.0.1)"
+    )
+    verb.add_argument(
+        "--port",
+        metavar="N",
+        type=_port,
+        default=8000,
+        help="0 for any that is free (default: 8000)",
+    )
+    verb.add_argument(
+        "--quiet", action="store_true", help="log warnings and errors alone, and no requests"
+    )
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or int(text) > 65535:
+        raise argparse.ArgumentTypeError(f"a number from 0 to 65535 is needed, not {text!r}")
+    return int(text)
+
+
+def _serve(options: argparse.Namespace) -> None:
+    from graspcast.service.extra import check_installed
+
+    check_installed()
+    from graspcast.service.access import token_from
+    from graspcast.service.logs import log_to
+    from graspcast.service.server import listen, serve
+
+    if options.threshold is not None and options.certificate is not None:
+        raise InputError("--threshold and --certificate exclude each other; give one")
+    token = token_from()
+    with ExitStack() as stack:
+        # What is refused at once is not found out after the models are read.
+        listener = stack.enter_context(listen(options.host, options.port, token))
+        watcher = _watcher(options, stack)
+        log_to(level=logging.WARNING if options.quiet else logging.INFO)
+        serve(watcher, listener, token=token)
