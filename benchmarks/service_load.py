@@ -83,7 +83,7 @@ class Service:
 
     def get(self, path: str) -> str:
         url = f"http://127.0.0.1:{self.port}{path}"
-        with urllib.request.urlopen(url, timeout=60) as answer:  # noqa: S310
+        with urllib.request.urlopen(url, timeout=60) as answer:
             return str(answer.read().decode())
 
     def frame(self) -> bytes:
@@ -210,7 +210,7 @@ def told(name: str, service: Service, ask: Any) -> None:
 
 
 async def outcomes_until_killed(service: Service, number: int, seconds: float) -> dict[str, bool]:
-    """Send frames, and an outcome of each decision, until the service ends; what it acknowledged."""
+    """Send frames, and an outcome of each decision, until the service ends; acknowledged ones."""
     frame, known = service.frame(), {}
 
     async def one(connection: Connection, i: int) -> None:

@@ -42,9 +42,9 @@ class StubWatcher:
         time.sleep(self.seconds)
         self.batches.append(len(frames))
         names = [[e.object_name for found in f.estimates.values() for e in found] for f in frames]
-        if any("bug" in found for found in names):
+        if any("bug-1" in found for found in names):
             raise RuntimeError("a fault")
-        return [InputError("bad") if "bad" in n else self._answer(n) for n in names]
+        return [InputError("bad") if "bad-1" in n else self._answer(n) for n in names]
 
     def judge(self, frame: Any, episode: str | None = None) -> Any:
         self.forget(episode)
@@ -55,7 +55,7 @@ class StubWatcher:
 
     def forget(self, episode: str | None) -> None:
         if episode not in self.known:
-            raise UnknownNameError("episode", episode, self.known)
+            raise UnknownNameError("episode", episode, self.known, parameters=("episode",))
 
     def outcome(self, decision_id: str, success: bool, reason: str | None = None) -> None:
         time.sleep(self.seconds)
@@ -80,7 +80,7 @@ class StubWatcher:
 def frame(name: str = "ycbv-5", **changes: Any) -> dict[str, Any]:
     """Return a request for verdicts, of one object seen by three estimators."""
     found = [{"object": name, "cam_T_obj": POSE.tolist(), "score": 0.9}]
-    estimates = {estimator: found for estimator in ("dense", "direct", "keypoints")}
+    estimates = dict.fromkeys(("dense", "direct", "keypoints"), found)
     return {"length_unit": "m", "camera_frame": "opencv", "estimates": estimates} | changes
 
 

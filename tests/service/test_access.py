@@ -4,7 +4,7 @@ import pytest
 
 from graspcast.errors import InputError
 from graspcast.service.access import Access, is_loopback, token_from
-from graspcast.service.replies import Refusal
+from graspcast.service.replies import RefusedError
 
 TOKEN = "correct-horse-battery"
 
@@ -29,7 +29,7 @@ def test_who_shows_the_token_may_ask(given: str) -> None:
 @pytest.mark.parametrize("given", [None, "", TOKEN, "Bearer", f"Basic {TOKEN}", "Bearer \xff\xff"])
 def test_who_does_not_may_not(given: str | None) -> None:
     headers = {} if given is None else {b"authorization": given.encode("latin-1")}
-    with pytest.raises(Refusal) as caught:
+    with pytest.raises(RefusedError) as caught:
         Access(TOKEN).check(headers)
     assert caught.value.status == 401
     assert dict(caught.value.headers) == {"WWW-Authenticate": "Bearer"}
@@ -42,7 +42,7 @@ def test_without_a_token_this_machine_may_ask(host: str) -> None:
 
 @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example:80", "10.0.0.1", "[", ""])
 def test_without_a_token_no_other_name_serves(host: str) -> None:
-    with pytest.raises(Refusal) as caught:
+    with pytest.raises(RefusedError) as caught:
         Access(None).check({b"host": host.encode()})
     assert caught.value.status == 421
 

@@ -43,7 +43,7 @@ def test_frames_that_come_together_are_judged_together() -> None:
 
 def test_a_bad_frame_among_good_ones_is_refused_alone() -> None:
     watcher = StubWatcher(seconds=0.02)
-    names = ["good", "bad", "good", "bug", "good"]
+    names = ["good-1", "bad-1", "good-1", "bug-1", "good-1"]
     responses = asked(watcher, *[post("/frames", frame(name)) for name in names])
     assert [r.status_code for r in responses] == [200, 422, 200, 500, 200]
     for response in (responses[1], responses[3]):

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from graspcast.service.batching import Batcher
-from graspcast.service.replies import Refusal
+from graspcast.service.replies import RefusedError
 
 
 def run(batcher: Batcher, *jobs: tuple[str, Any]) -> list[Any]:
@@ -59,7 +59,7 @@ def test_an_item_that_fails_fails_alone(caplog: pytest.LogCaptureFixture) -> Non
 
 def test_a_result_that_is_an_exception_is_raised() -> None:
     found = run(
-        Batcher({"refuse": lambda items: [Refusal(404, "no") for _ in items]}), ("refuse", 1)
+        Batcher({"refuse": lambda items: [RefusedError(404, "no") for _ in items]}), ("refuse", 1)
     )
     assert found[0].status == 404
 
@@ -73,13 +73,13 @@ def test_more_than_may_wait_is_refused() -> None:
 
     batcher = Batcher({"wait": wait}, batch=1, waiting=2)
 
-    async def ask() -> Refusal:
+    async def ask() -> RefusedError:
         first = asyncio.create_task(batcher.do("wait", 0))
         await asyncio.sleep(0.05)
         others = [asyncio.create_task(batcher.do("wait", i)) for i in (1, 2)]
         await asyncio.sleep(0.05)
         assert batcher.waiting == 2
-        with pytest.raises(Refusal) as caught:
+        with pytest.raises(RefusedError) as caught:
             await batcher.do("wait", 3)
         hold.set()
         assert await asyncio.gather(first, *others) == [0, 1, 2]
@@ -106,7 +106,7 @@ def test_closing_finishes_what_waits_and_takes_no_more() -> None:
         await asyncio.sleep(0.05)
         closing = asyncio.create_task(asyncio.to_thread(batcher.close))
         await asyncio.sleep(0.05)
-        with pytest.raises(Refusal, match="stopping"):
+        with pytest.raises(RefusedError, match="stopping"):
             await batcher.do("wait", 9)
         hold.set()
         await closing

@@ -42,7 +42,10 @@ def test_no_route_takes_more_than_the_limit(path: str) -> None:
     stated = {"content": 3000 * b" ", "headers": JSON}
     chunked = {"content": parts(), "headers": JSON}
     responses = asked(
-        StubWatcher(), ("POST", path, stated), ("POST", path, chunked), limits=Limits(body_bytes=2500)
+        StubWatcher(),
+        ("POST", path, stated),
+        ("POST", path, chunked),
+        limits=Limits(body_bytes=2500),
     )
     assert [r.status_code for r in responses] == [413, 413]
     assert responses[0].headers["connection"] == "close"

@@ -5,13 +5,13 @@ import json
 import pytest
 
 from graspcast.service.parsing import parsed
-from graspcast.service.replies import Refusal
+from graspcast.service.replies import RefusedError
 from graspcast.service.schemas import FrameIn, OutcomeIn
 from stub_watcher import frame
 
 
-def refusal(body: bytes, schema: type = FrameIn) -> Refusal:
-    with pytest.raises(Refusal) as caught:
+def refusal(body: bytes, schema: type = FrameIn) -> RefusedError:
+    with pytest.raises(RefusedError) as caught:
         parsed(body, schema)
     return caught.value
 

@@ -3,11 +3,11 @@ from __future__ import annotations
 import json
 
 from graspcast.errors import InputError
-from graspcast.service.replies import PROBLEM, Refusal, json_reply, problem, problem_of
+from graspcast.service.replies import PROBLEM, RefusedError, json_reply, problem, problem_of
 
 
 def test_a_problem_says_what_is_wrong_and_where() -> None:
-    reply = Refusal(422, "no", errors=[("K", "odd")], headers=(("Retry-After", "1"),)).reply()
+    reply = RefusedError(422, "no", errors=[("K", "odd")], headers=(("Retry-After", "1"),)).reply()
     assert json.loads(reply.body) == {
         "type": "about:blank",
         "title": "Unprocessable Entity",

@@ -19,7 +19,7 @@ from stub_watcher import frame
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1", "robot.example"])
 def test_another_host_than_this_machine_needs_a_token(host: str) -> None:
-    with pytest.raises(InputError, match="a token is needed: set .* GRASPCAST_TOKEN") as caught:
+    with pytest.raises(InputError, match=r"a token is needed: set .* GRASPCAST_TOKEN") as caught:
         listen(host, 0, None)
     assert caught.value.parameters == ("host",)
 

@@ -6,9 +6,13 @@ import argparse
 import logging
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from graspcast.cli.options import Verbs, new_verb, positive, share
 from graspcast.errors import InputError
+
+if TYPE_CHECKING:
+    from graspcast.runtime.watcher import Watcher
 
 __all__ = ["add"]
 
@@ -41,7 +45,12 @@ def add(verbs: Verbs) -> None:
         help="attempt at this probability or above it (default: 0.5)",
     )
     verb.add_argument(
-        "--certificate", metavar="PATH", type=Path, help="from certify: its threshold instead"
+        "--certificate",
+        metavar="PATH",
+        type=Path,
+        action="append",
+        default=[],
+        help="from certify: its threshold instead; one for each model",
     )
     verb.add_argument(
         "--guide",
@@ -91,7 +100,7 @@ def _serve(options: argparse.Namespace) -> None:
     from graspcast.service.logs import log_to
     from graspcast.service.server import listen, serve
 
-    if options.threshold is not None and options.certificate is not None:
+    if options.threshold is not None and options.certificate:
         raise InputError("--threshold and --certificate exclude each other; give one")
     token = token_from()
     with ExitStack() as stack:
@@ -100,3 +109,21 @@ def _serve(options: argparse.Namespace) -> None:
         watcher = _watcher(options, stack)
         log_to(level=logging.WARNING if options.quiet else logging.INFO)
         serve(watcher, listener, token=token)
+
+
+def _watcher(options: argparse.Namespace, stack: ExitStack) -> Watcher:
+    """Return a watcher by what the options name; its log is closed with the stack."""
+    from graspcast.attempt_log.log import AttemptLog
+    from graspcast.demo_data import demo_model
+    from graspcast.guarantees.certificate import Certificate
+    from graspcast.runtime.watcher import Watcher
+
+    certificates = [Certificate.load(path) for path in options.certificate]
+    return Watcher.load(
+        *(demo_model() if text == "demo" else text for text in options.model),
+        threshold=options.threshold,
+        certificate=certificates or None,
+        guide=options.guide,
+        max_looks=options.max_looks,
+        log=stack.enter_context(AttemptLog.open(options.log)) if options.log else None,
+    )

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from ipaddress import ip_address
 
 from graspcast.errors import InputError
-from graspcast.service.replies import Refusal
+from graspcast.service.replies import RefusedError
 
 __all__ = ["TOKEN_VARIABLE", "Access", "is_loopback", "token_from"]
 
@@ -67,7 +67,7 @@ class Access:
 
         Raises
         ------
-        Refusal
+        RefusedError
             With status 401 for a missing or wrong token, and 421 for another host's name.
         """
         if self._expected is not None:
@@ -75,14 +75,14 @@ class Access:
             scheme, _, rest = given.partition(b" ")
             shown = scheme.capitalize() + b" " + rest.strip()
             if not hmac.compare_digest(shown, self._expected):
-                raise Refusal(
+                raise RefusedError(
                     401,
                     "a token is needed: the header 'Authorization: Bearer TOKEN', with the token "
                     "that the service was started with",
                     headers=(("WWW-Authenticate", "Bearer"),),
                 )
         elif not is_loopback(_name(headers.get(b"host", b"localhost"))):
-            raise Refusal(
+            raise RefusedError(
                 421,
                 "without a token the service answers under this machine's own names alone: "
                 "localhost, 127.0.0.1, [::1]",

@@ -25,7 +25,7 @@ from graspcast.service.judging import Judging, frame_of
 from graspcast.service.limits import Limits
 from graspcast.service.metrics import METRICS_TYPE, Metrics
 from graspcast.service.models import models_of
-from graspcast.service.replies import PROBLEM, Refusal, Reply, json_reply, problem
+from graspcast.service.replies import PROBLEM, RefusedError, Reply, json_reply, problem
 from graspcast.service.routes import ParsedRoute
 from graspcast.service.schemas import MOST_NAME, FrameIn, OutcomeIn
 
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 __all__ = ["create_app"]
 
 _DESCRIPTION = """\
-Several RGB pose estimators look at an object; the service says how likely the grasp that their poses
-would guide is to succeed, and whether to attempt it, look again or abstain. Lengths in requests are
-in the unit that the request states; answers are in metres. Transforms `a_T_b` are 4 x 4 and map
-points of frame b into frame a.
+Several RGB pose estimators look at an object; the service says how likely the grasp that their
+poses would guide is to succeed, and whether to attempt it, look again or abstain. Lengths in
+requests are in the unit that the request states; answers are in metres. Transforms `a_T_b` are
+4 x 4 and map points of frame b into frame a.
 """
 _PROBLEMS = {
     400: "Not JSON.",
@@ -58,6 +58,7 @@ _ALWAYS = (401, 421, 500)
 _BODY = (*_ALWAYS, 400, 408, 413, 415, 422, 503)
 _TOKEN = [Depends(HTTPBearer(auto_error=False))]
 """Documents that a token is needed; the edge checks it."""
+_TEXT = {"content": {"text/plain": {"schema": {"type": "string"}}}}
 _EpisodeId = Annotated[
     str, Path(description="From the answer to the first look.", max_length=MOST_NAME)
 ]
@@ -123,7 +124,7 @@ def create_app(
         (method, route.path): route.answer
         for route in app.routes
         if isinstance(route, ParsedRoute) and "{" not in route.path
-        for method in route.methods
+        for method in route.methods or ()
     }
     return Edge(app, access=Access(token), limits=limits, metrics=metrics, direct=direct)
 
@@ -224,14 +225,13 @@ def _add_state(app: FastAPI, watcher: Watcher, batcher: Batcher, metrics: Metric
     async def ready() -> Reply:
         """Answer with 503 until frames are answered without delay; no token is needed."""
         if not batcher.ready:
-            raise Refusal(503, "code is still being compiled", headers=(("Retry-After", "1"),))
+            raise RefusedError(503, "code is still being compiled", headers=(("Retry-After", "1"),))
         return json_reply(health())
 
     @app.get(
         "/metrics",
         response_model=None,
-        responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
-        | _problems(*_ALWAYS),
+        responses={200: _TEXT, **_problems(*_ALWAYS)},
         dependencies=_TOKEN,
         summary="Counts and times for Prometheus",
         tags=["state"],

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from threading import Condition, Thread
 from typing import Any
 
-from graspcast.service.replies import Refusal
+from graspcast.service.replies import RefusedError
 
 __all__ = ["Batcher", "Run"]
 
@@ -86,7 +86,7 @@ class Batcher:
 
         Raises
         ------
-        Refusal
+        RefusedError
             With status 503 if too many items wait, or the service is stopping.
         ValueError
             For an unknown kind.
@@ -99,9 +99,9 @@ class Batcher:
         job = _Job(kind, item, loop.create_future(), loop)
         with self._changed:
             if self._closed:
-                raise Refusal(503, "the service is stopping", headers=(("Retry-After", "5"),))
+                raise RefusedError(503, "the service is stopping", headers=(("Retry-After", "5"),))
             if len(self._jobs) >= self._waiting:
-                raise Refusal(
+                raise RefusedError(
                     503,
                     f"{self._waiting} requests are waiting; try again later",
                     headers=(("Retry-After", "1"),),

@@ -1,7 +1,7 @@
 """The edge of the service: what holds for every request, before any route sees it.
 
-Access, limits on size and time, one shape of problems, logs and metrics. Bodies are read here, once,
-so that no route can forget a limit.
+Access, limits on size and time, one shape of problems, logs and metrics. Bodies are read here,
+once, so that no route can forget a limit.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 from graspcast.service.access import Access
 from graspcast.service.limits import Limits
 from graspcast.service.metrics import Metrics
-from graspcast.service.replies import Refusal, Reply, problem
+from graspcast.service.replies import RefusedError, Reply, problem
 
 __all__ = ["Direct", "Edge"]
 
@@ -29,14 +29,14 @@ Direct: TypeAlias = Callable[[bytes], Awaitable[Reply]]
 _METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE"})
 _OPEN = frozenset({"/health", "/health/ready"})
 _DRAINED = 32
-"""A body that is too large is read to its end, up to so many times the limit: a client that is still
-sending would else see a broken connection, and no answer."""
+"""A body that is too large is read to its end, up to so many times the limit: a client that is
+still sending would else see a broken connection, and no answer."""
 _CLOSE = ("Connection", "close")
 
 _logger = logging.getLogger(__name__)
 
 
-class _Gone(Exception):
+class _GoneError(Exception):
     """The client has left before its body was complete."""
 
 
@@ -78,9 +78,9 @@ class Edge:
         method, path = scope["method"], scope["path"]
         try:
             reply = await self._reply(scope, method, path, receive)
-        except _Gone:
+        except _GoneError:
             return
-        except Refusal as refusal:
+        except RefusedError as refusal:
             reply = refusal.reply()
         except Exception:
             _logger.exception("a request failed")
@@ -117,7 +117,7 @@ class Edge:
         if b"content-length" not in headers and b"transfer-encoding" not in headers:
             return b""
         if b"content-encoding" in headers:
-            raise Refusal(415, "bodies are taken uncompressed alone", headers=(_CLOSE,))
+            raise RefusedError(415, "bodies are taken uncompressed alone", headers=(_CLOSE,))
         length = headers.get(b"content-length", b"0")
         if length.isdigit() and int(length) > most and b"expect" in headers:
             raise self._too_large()
@@ -126,7 +126,7 @@ class Edge:
             async with asyncio.timeout(self._limits.body_s):
                 return await self._received(most, receive)
         except TimeoutError as error:
-            raise Refusal(
+            raise RefusedError(
                 408,
                 f"the body did not arrive within {self._limits.body_s:g} s",
                 headers=(_CLOSE,),
@@ -137,7 +137,7 @@ class Edge:
         while more:
             message = await receive()
             if message["type"] == "http.disconnect":
-                raise _Gone
+                raise _GoneError
             part = message.get("body", b"")
             more = message.get("more_body", False)
             size += len(part)
@@ -149,8 +149,8 @@ class Edge:
             raise self._too_large()
         return b"".join(parts)
 
-    def _too_large(self) -> Refusal:
-        return Refusal(
+    def _too_large(self) -> RefusedError:
+        return RefusedError(
             413, f"the body is larger than {self._limits.body_bytes} bytes", headers=(_CLOSE,)
         )
 
@@ -195,7 +195,7 @@ def _check_type(headers: Mapping[bytes, bytes]) -> None:
     """
     kind = headers.get(b"content-type", b"").partition(b";")[0].strip().lower()
     if kind != b"application/json":
-        raise Refusal(
+        raise RefusedError(
             415, "the body must be JSON, with the header 'Content-Type: application/json'"
         )
 

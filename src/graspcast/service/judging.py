@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.errors import GraspcastError
+from graspcast.errors import GraspcastError, MismatchError
 from graspcast.runtime.frame import Estimate, Frame
 from graspcast.service.answers import answer_as_dict
 from graspcast.service.metrics import Metrics
-from graspcast.service.replies import Refusal, Reply, json_reply, problem_of
+from graspcast.service.replies import Reply, json_reply, problem_of
 from graspcast.service.schemas import FrameIn, OutcomeIn
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Judging", "frame_of"]
 
+_IDS = frozenset({"episode", "decision_id"})
 _METRES = {"m": 1.0, "mm": 1e-3}
 
 
@@ -86,14 +87,14 @@ class Judging:
 
     def _looks(self, looks: Sequence[tuple[str, Frame]]) -> list[Reply | Exception]:
         """Take further looks, each after the one before."""
-        return [
-            _tried(lambda e=episode, f=frame: self._reply(self._watcher.judge(f, episode=e)))
-            for episode, frame in looks
-        ]
+        return [_tried(self._look, episode, frame) for episode, frame in looks]
+
+    def _look(self, episode: str, frame: Frame) -> Reply | Exception:
+        return self._reply(self._watcher.judge(frame, episode=episode))
 
     def _forget(self, episodes: Sequence[str]) -> list[Reply | Exception]:
         """Forget episodes."""
-        return [_tried(lambda e=episode: self._forgotten(e)) for episode in episodes]
+        return [_tried(self._forgotten, episode) for episode in episodes]
 
     def _forgotten(self, episode: str) -> Reply:
         self._watcher.forget(episode)
@@ -101,7 +102,7 @@ class Judging:
 
     def _outcomes(self, outcomes: Sequence[OutcomeIn]) -> list[Reply | Exception]:
         """Record outcomes; each is on disk when this returns."""
-        return [_tried(lambda o=outcome: self._recorded(o)) for outcome in outcomes]
+        return [_tried(self._recorded, outcome) for outcome in outcomes]
 
     def _recorded(self, outcome: OutcomeIn) -> Reply:
         self._watcher.outcome(outcome.decision_id, outcome.success, outcome.reason)
@@ -117,11 +118,18 @@ class Judging:
         return json_reply(answer_as_dict(answer), told=told)
 
 
-def _tried(do: Callable[[], Any]) -> Any:
+def _tried(do: Callable[..., Reply | Exception], *arguments: Any) -> Reply | Exception:
     """Return what a call returns, or its refusal."""
     try:
-        return do()
+        return do(*arguments)
     except GraspcastError as error:
-        return problem_of(error)
+        return problem_of(error, _status(error))
     except Exception as error:
         return error
+
+
+def _status(error: GraspcastError) -> int:
+    """Return 404 for unknown episodes and decisions, 409 for what contradicts, and else 422."""
+    if not _IDS.intersection(error.parameters):
+        return 422
+    return 409 if isinstance(error, MismatchError) else 404

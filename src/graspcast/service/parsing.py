@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from graspcast.service.replies import Refusal
+from graspcast.service.replies import RefusedError
 
 __all__ = ["parsed"]
 
@@ -32,7 +32,7 @@ def parsed(body: bytes, schema: type[Schema]) -> Schema:
 
     Raises
     ------
-    Refusal
+    RefusedError
         With status 400 for what is no JSON, and 422 for what does not fit the schema.
     """
     try:
@@ -40,18 +40,18 @@ def parsed(body: bytes, schema: type[Schema]) -> Schema:
             body.decode("utf-8"), object_pairs_hook=_unique, parse_constant=_no_number
         )
     except UnicodeDecodeError as error:
-        raise Refusal(400, f"the body is not UTF-8 (byte {error.start})") from error
+        raise RefusedError(400, f"the body is not UTF-8 (byte {error.start})") from error
     except RecursionError as error:
-        raise Refusal(400, "the body is nested too deeply") from error
+        raise RefusedError(400, "the body is nested too deeply") from error
     except ValueError as error:
-        raise Refusal(400, f"the body is not JSON: {error}") from error
+        raise RefusedError(400, f"the body is not JSON: {error}") from error
     try:
         return schema.model_validate(content)
     except ValidationError as error:
         found = error.errors(include_url=False, include_context=False, include_input=False)
         errors = [(_place(e["loc"]), e["msg"]) for e in found[:_MOST_ERRORS]]
         more = len(found) - len(errors)
-        raise Refusal(
+        raise RefusedError(
             422,
             "the body does not fit the schema: "
             + "; ".join(f"{where}: {what}" for where, what in errors)

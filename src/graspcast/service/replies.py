@@ -11,7 +11,7 @@ from pydantic_core import to_json
 
 from graspcast.errors import GraspcastError
 
-__all__ = ["JSON", "PROBLEM", "Refusal", "Reply", "json_reply", "problem", "problem_of"]
+__all__ = ["JSON", "PROBLEM", "RefusedError", "Reply", "json_reply", "problem", "problem_of"]
 
 JSON = "application/json"
 PROBLEM = "application/problem+json"
@@ -51,7 +51,7 @@ class Reply:
         ]
 
 
-class Refusal(Exception):
+class RefusedError(Exception):
     """A request that is answered with a problem.
 
     Parameters
@@ -105,9 +105,9 @@ def problem(
     return Reply(status, to_json(content), PROBLEM, headers)
 
 
-def problem_of(error: GraspcastError, status: int = 422) -> Refusal:
+def problem_of(error: GraspcastError, status: int = 422) -> RefusedError:
     """Return one of the library's errors as a refusal, with the library's message."""
-    return Refusal(status, str(error))
+    return RefusedError(status, str(error))
 
 
 def _cut(text: str) -> str:

@@ -16,7 +16,7 @@ from pydantic import BaseModel
 
 from graspcast.errors import GraspcastError
 from graspcast.service.parsing import parsed
-from graspcast.service.replies import Refusal, Reply, problem_of
+from graspcast.service.replies import RefusedError, Reply, problem_of
 
 __all__ = ["ParsedRoute"]
 
@@ -41,7 +41,7 @@ class ParsedRoute(APIRoute):
             bodies = {name: parsed(body, schema) for name, schema in self._schemas.items()}
             reply: Reply = await self.endpoint(**bodies, **parameters)
             return reply
-        except Refusal as refusal:
+        except RefusedError as refusal:
             return refusal.reply()
         except GraspcastError as error:
             return problem_of(error).reply()

@@ -40,9 +40,7 @@ class EstimateIn(_Strict):
             "the camera's; the translation in `length_unit`."
         ),
     ]
-    score: Annotated[
-        Number | None, Field(description="The estimator's own confidence, if it has one.")
-    ] = None
+    score: Annotated[Number, Field(description="The estimator's own confidence.")] = 1.0
 
 
 _ESTIMATES: dict[str, Any] = {
@@ -94,8 +92,11 @@ class FrameIn(_Strict):
         Number | None, Field(description="When the image was taken, seconds, by any clock.")
     ] = None
     reachable: Annotated[
-        Annotated[list[Name], Len(0, MOST_ESTIMATES)] | None,
-        Field(description="Names of the grasps that the robot can reach; all if left out."),
+        dict[Name, Annotated[list[Name], Len(0, MOST_ESTIMATES)]] | None,
+        Field(
+            description="Object's name to the names of the grasps that the robot can reach; all "
+            "grasps of objects that are not named."
+        ),
     ] = None
 
 
