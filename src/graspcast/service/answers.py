@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 from pydantic import BaseModel, ConfigDict, Field
@@ -176,6 +177,9 @@ def answer_as_dict(answer: Answer) -> dict[str, Any]:
 
 
 def _decision(decision: Decision) -> dict[str, Any]:
+    cam_T_obj, world_T_obj, cam_T_grasp, world_T_grasp = _poses(
+        decision.cam_T_obj, decision.world_T_obj, decision.cam_T_grasp, decision.world_T_grasp
+    )
     return {
         "id": decision.id,
         "instance": decision.instance,
@@ -186,12 +190,12 @@ def _decision(decision: Decision) -> dict[str, Any]:
         "guarantee": decision.guarantee,
         "reason": decision.reason,
         "guide": decision.guide,
-        "cam_T_obj": _pose(decision.cam_T_obj),
-        "world_T_obj": _pose(decision.world_T_obj),
+        "cam_T_obj": cam_T_obj,
+        "world_T_obj": world_T_obj,
         "gripper": decision.gripper,
         "grasp": decision.grasp,
-        "cam_T_grasp": _pose(decision.cam_T_grasp),
-        "world_T_grasp": _pose(decision.world_T_grasp),
+        "cam_T_grasp": cam_T_grasp,
+        "world_T_grasp": world_T_grasp,
         "next_look": _next_look(decision.next_look),
         "views": decision.views,
         "looks": decision.looks,
@@ -203,15 +207,18 @@ def _number(value: float | None) -> float | None:
     return None if value is None else float(value)
 
 
-def _pose(a_T_b: Float[ndarray, "4 4"] | None) -> dict[str, Any] | None:
-    if a_T_b is None:
-        return None
-    matrix = a_T_b.tolist()
-    return {
-        "matrix": matrix,
-        "translation_m": [row[3] for row in matrix[:3]],
-        "quaternion_wxyz": quaternion(a_T_b[:3, :3]).tolist(),
-    }
+def _poses(*poses: Float[ndarray, "4 4"] | None) -> list[dict[str, Any] | None]:
+    """Return each pose as :class:`PoseOut` describes it, None where it is not known."""
+    known = [a_T_b for a_T_b in poses if a_T_b is not None]
+    if not known:
+        return [None for _ in poses]
+    stacked = np.array(known)
+    matrices, turned = stacked.tolist(), quaternion(stacked[:, :3, :3]).tolist()
+    told = iter(
+        {"matrix": m, "translation_m": [row[3] for row in m[:3]], "quaternion_wxyz": q}
+        for m, q in zip(matrices, turned, strict=True)
+    )
+    return [None if a_T_b is None else next(told) for a_T_b in poses]
 
 
 def _next_look(look: NextLook | None) -> dict[str, Any] | None:
