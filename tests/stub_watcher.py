@@ -33,6 +33,10 @@ class StubWatcher:
         self._numbers, self._lock = count(1), Lock()
 
     episodes = 0
+    records = True
+    forecasters: tuple[Any, ...] = ()
+    policies: tuple[Any, ...] = ()
+    estimators = "dense", "direct", "keypoints"
 
     def warm_up(self) -> None:
         self.warm = True

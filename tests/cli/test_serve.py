@@ -14,9 +14,9 @@ from typing import Any
 
 import httpx
 import pytest
+from graspcast.attempt_log.log import AttemptLog
 
 from commands import refused
-from graspcast.attempt_log.log import AttemptLog
 from graspcast.cli import main
 from graspcast.demo_data import demo_model
 from graspcast.runtime.frame import Estimate, Frame
@@ -216,7 +216,7 @@ def mutated(body: bytes, rng: random.Random) -> bytes:
         put = rng.choice(
             (
                 b"", bytes([rng.randrange(256)]), 2 * body[at : at + length], b"null", b"1e308",
-                b"-1e308", b"NaN", b"9" * 30, b"[]", b"{}", b'""', b"\\ud800", b",", b"0.0", b"true",
+                b"-1e308", b"NaN", b"9" * 30, b"[]", b"{}", b'""', b"\\ud800", b",", b"0",
             )
         )  # fmt: skip
         body = body[:at] + put + body[at + length :]

@@ -138,29 +138,31 @@ class ProblemOut(_Out):
 
 
 class ModelOut(_Out):
-    """A model that judges."""
+    """A model that judges, and by which policy."""
 
-    digest: str
-    principal: str
-    estimators: list[str]
+    digest: Annotated[str, Field(description="By which certificates and the log name it.")]
+    principal: Annotated[str, Field(description="The estimator that guides by default.")]
+    supporters: list[str]
     gripper: str
-    objects: dict[str, list[str]]
+    objects: Annotated[dict[str, list[str]], Field(description="Names of each object's grasps.")]
     method: str
-    views: bool
-    samples: int
-    success_rate: float
-    warnings: list[str]
+    views: Annotated[bool, Field(description="Whether it was trained on several views.")]
+    samples: Annotated[int, Field(description="Outcomes that it was trained on.")]
+    success_rate: Annotated[float, Field(description="Of these.")]
+    warnings: Annotated[list[str], Field(description="What limits its use.")]
+    threshold: Annotated[
+        float | None, Field(description="Attempts are made at this or above; null: never.")
+    ]
+    guarantee: Annotated[str | None, Field(description="What a certificate guarantees.")]
+    guide: Annotated[str, Field(description="An estimator, `fused` or `best`.")]
+    max_looks: int
 
 
 class ModelsOut(_Out):
-    """What judges, and by which threshold."""
+    """What judges: further models serve where the one before lacks an estimator."""
 
     models: list[ModelOut]
-    threshold: float | None
-    guarantee: str | None
-    certificate: str | None
-    guide: str | None
-    max_looks: int
+    estimators: Annotated[list[str], Field(description="That frames may name.")]
     records: Annotated[bool, Field(description="Whether there is a log, which takes outcomes.")]
 
 

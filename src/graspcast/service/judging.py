@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["Judging", "frame_of"]
 
 _IDS = frozenset({"episode", "decision_id"})
+_WRITERS = 16
 _METRES = {"m": 1.0, "mm": 1e-3}
 
 
@@ -68,6 +72,7 @@ class Judging:
 
     def __init__(self, watcher: Watcher, metrics: Metrics):
         self._watcher, self._metrics = watcher, metrics
+        self._writers = ThreadPoolExecutor(_WRITERS, "graspcast-outcomes")
 
     @property
     def runs(self) -> dict[str, Run]:
@@ -81,7 +86,11 @@ class Judging:
 
     def _frames(self, frames: Sequence[Frame]) -> list[Reply | Exception]:
         """Judge the first looks at several scenes, and record them together."""
-        answers = self._watcher.judge_all(frames)
+        try:
+            answers = self._watcher.judge_all(frames)
+        except GraspcastError as error:
+            # What is wrong with one frame is its own answer; this is what is wrong with the log.
+            return [problem_of(error, _status(error)) for _ in frames]
         self._metrics.judged(len(frames))
         return [self._reply(answer) for answer in answers]
 
@@ -101,8 +110,13 @@ class Judging:
         return Reply(204, b"")
 
     def _outcomes(self, outcomes: Sequence[OutcomeIn]) -> list[Reply | Exception]:
-        """Record outcomes; each is on disk when this returns."""
-        return [_tried(self._recorded, outcome) for outcome in outcomes]
+        """Record outcomes, each of which is on disk when this returns.
+
+        They are given to the log by several threads, for it commits together what waits together.
+        """
+        if len(outcomes) == 1:
+            return [_tried(self._recorded, outcomes[0])]
+        return list(self._writers.map(partial(_tried, self._recorded), outcomes))
 
     def _recorded(self, outcome: OutcomeIn) -> Reply:
         self._watcher.outcome(outcome.decision_id, outcome.success, outcome.reason)
@@ -129,7 +143,10 @@ def _tried(do: Callable[..., Reply | Exception], *arguments: Any) -> Reply | Exc
 
 
 def _status(error: GraspcastError) -> int:
-    """Return 404 for unknown episodes and decisions, 409 for what contradicts, and else 422."""
+    """Return 404 for unknown episodes and decisions, 409 for contradictions, 503 without a disk."""
+    if isinstance(error.__cause__, sqlite3.Error):
+        # The log cannot be written: the disk is full, for example.
+        return 503
     if not _IDS.intersection(error.parameters):
         return 422
     return 409 if isinstance(error, MismatchError) else 404
