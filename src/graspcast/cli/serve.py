@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import logging
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -82,7 +81,7 @@ def add(verbs: Verbs) -> None:
         help="0 for any that is free (default: 8000)",
     )
     verb.add_argument(
-        "--quiet", action="store_true", help="log warnings and errors alone, and no requests"
+        "--quiet", action="store_true", help="log no requests, but what fails, start and stop"
     )
 
 
@@ -107,7 +106,7 @@ def _serve(options: argparse.Namespace) -> None:
         # What is refused at once is not found out after the models are read.
         listener = stack.enter_context(listen(options.host, options.port, token))
         watcher = _watcher(options, stack)
-        log_to(level=logging.WARNING if options.quiet else logging.INFO)
+        log_to(requests=not options.quiet)
         serve(watcher, listener, token=token)
 
 

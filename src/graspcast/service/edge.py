@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 
 from graspcast.service.access import Access
 from graspcast.service.limits import Limits
+from graspcast.service.logs import REQUESTS
 from graspcast.service.metrics import Metrics
 from graspcast.service.replies import RefusedError, Reply, problem
 
@@ -33,7 +34,7 @@ _DRAINED = 32
 still sending would else see a broken connection, and no answer."""
 _CLOSE = ("Connection", "close")
 
-_logger = logging.getLogger(__name__)
+_logger = logging.getLogger(REQUESTS)
 
 
 class _GoneError(Exception):

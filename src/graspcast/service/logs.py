@@ -8,7 +8,10 @@ import sys
 from datetime import UTC, datetime
 from typing import Any, TextIO
 
-__all__ = ["JsonLines", "log_to"]
+__all__ = ["REQUESTS", "JsonLines", "log_to"]
+
+REQUESTS = "graspcast.service.edge"
+"""The logger of requests."""
 
 _MOST_TEXT = 2000
 
@@ -30,12 +33,21 @@ class JsonLines(logging.Formatter):
         return json.dumps(content)
 
 
-def log_to(stream: TextIO | None = None, level: int = logging.INFO) -> None:
-    """Log what the service and its server do to a stream, standard error by default."""
+def log_to(stream: TextIO | None = None, *, requests: bool = True) -> None:
+    """Log what the service and its server do to a stream.
+
+    Parameters
+    ----------
+    stream
+        Where to; standard error if None.
+    requests
+        Whether to log a line for every request.
+    """
     handler = logging.StreamHandler(stream or sys.stderr)
     handler.setFormatter(JsonLines())
     for name in ("graspcast.service", "uvicorn"):
         logger = logging.getLogger(name)
         logger.handlers[:] = [handler]
-        logger.setLevel(level)
+        logger.setLevel(logging.INFO)
         logger.propagate = False
+    logging.getLogger(REQUESTS).setLevel(logging.INFO if requests else logging.WARNING)
