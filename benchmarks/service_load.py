@@ -90,7 +90,7 @@ class Service:
         (model, *_) = json.loads(self.get("/models"))["models"]
         name = next(iter(model["objects"]))
         estimates = {}
-        for i, estimator in enumerate(model["estimators"]):
+        for i, estimator in enumerate([model["principal"], *model["supporters"]]):
             pose = np.eye(4)
             pose[:3, 3] = 0.02 + 0.001 * i, -0.01, 0.7 + 0.002 * i
             estimates[estimator] = [{"object": name, "cam_T_obj": pose.tolist(), "score": 0.9}]
