@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import argparse
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from graspcast.cli.options import Verbs, new_verb, positive, share
 from graspcast.errors import InputError
-
-if TYPE_CHECKING:
-    from graspcast.runtime.watcher import Watcher
 
 __all__ = ["add"]
 
@@ -95,6 +92,11 @@ def _serve(options: argparse.Namespace) -> None:
     from graspcast.service.extra import check_installed
 
     check_installed()
+    from graspcast.attempt_log.log import AttemptLog
+    from graspcast.demo_data import demo_model
+    from graspcast.guarantees.certificate import Certificate
+    from graspcast.guarantees.log_monitor import LogMonitor
+    from graspcast.runtime.watcher import Watcher
     from graspcast.service.access import token_from
     from graspcast.service.logs import log_to
     from graspcast.service.server import listen, serve
@@ -105,24 +107,18 @@ def _serve(options: argparse.Namespace) -> None:
     with ExitStack() as stack:
         # What is refused at once is not found out after the models are read.
         listener = stack.enter_context(listen(options.host, options.port, token))
-        watcher = _watcher(options, stack)
+        log = stack.enter_context(AttemptLog.open(options.log)) if options.log else None
+        certificates = [Certificate.load(path) for path in options.certificate]
+        watcher = Watcher.load(
+            *(demo_model() if text == "demo" else text for text in options.model),
+            threshold=options.threshold,
+            certificate=certificates or None,
+            guide=options.guide,
+            max_looks=options.max_looks,
+            log=log,
+        )
+        monitor = None
+        if log is not None and certificates and certificates[0].overall.threshold is not None:
+            monitor = partial(LogMonitor.of(certificates[0]).update, log)
         log_to(requests=not options.quiet)
-        serve(watcher, listener, token=token)
-
-
-def _watcher(options: argparse.Namespace, stack: ExitStack) -> Watcher:
-    """Return a watcher by what the options name; its log is closed with the stack."""
-    from graspcast.attempt_log.log import AttemptLog
-    from graspcast.demo_data import demo_model
-    from graspcast.guarantees.certificate import Certificate
-    from graspcast.runtime.watcher import Watcher
-
-    certificates = [Certificate.load(path) for path in options.certificate]
-    return Watcher.load(
-        *(demo_model() if text == "demo" else text for text in options.model),
-        threshold=options.threshold,
-        certificate=certificates or None,
-        guide=options.guide,
-        max_looks=options.max_looks,
-        log=stack.enter_context(AttemptLog.open(options.log)) if options.log else None,
-    )
+        serve(watcher, listener, token=token, monitor=monitor)

@@ -20,6 +20,7 @@ __all__ = [
     "DecisionOut",
     "HealthOut",
     "ModelsOut",
+    "MonitorOut",
     "NextLookOut",
     "PoseOut",
     "ProblemOut",
@@ -164,6 +165,24 @@ class ModelsOut(_Out):
     models: list[ModelOut]
     estimators: Annotated[list[str], Field(description="That frames may name.")]
     records: Annotated[bool, Field(description="Whether there is a log, which takes outcomes.")]
+
+
+class MonitorOut(_Out):
+    """Whether the guaranteed success rate still holds."""
+
+    scope: str
+    alarm: Annotated[bool, Field(description="It no longer holds.")]
+    alarm_at: Annotated[int | None, Field(description="The attempt after which it was raised.")]
+    e_value: Annotated[float, Field(description="Evidence against the rate.")]
+    max_e_value: Annotated[float, Field(description="The alarm is raised at 1 / alpha.")]
+    attempts: int
+    successes: int
+    waiting: Annotated[int, Field(description="Outcomes of episodes that are not complete.")]
+    rate: Annotated[float, Field(description="That is guaranteed.")]
+    alpha: Annotated[float, Field(description="Probability of ever raising a false alarm.")]
+    outcomes_read: int
+    left_out: Annotated[dict[str, int], Field(description="Why outcomes did not count.")]
+    message: Annotated[str, Field(description="The same in words.")]
 
 
 def answer_as_dict(answer: Answer) -> dict[str, Any]:

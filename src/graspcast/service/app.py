@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +17,7 @@ from graspcast.service.answers import (
     AnswerOut,
     HealthOut,
     ModelsOut,
+    MonitorOut,
     ProblemOut,
     RecordedOut,
 )
@@ -30,7 +32,10 @@ from graspcast.service.routes import ParsedRoute
 from graspcast.service.schemas import MOST_NAME, FrameIn, OutcomeIn
 
 if TYPE_CHECKING:
+    from graspcast.guarantees.log_monitor import MonitorStatus
     from graspcast.runtime.watcher import Watcher
+
+    Monitor = Callable[[], MonitorStatus]
 
 __all__ = ["create_app"]
 
@@ -69,7 +74,7 @@ def create_app(
     *,
     token: str | None = None,
     limits: Limits | None = None,
-    close: Callable[[], None] = lambda: None,
+    monitor: Monitor | None = None,
 ) -> Edge:
     """Return the service as an ASGI application.
 
@@ -81,8 +86,8 @@ def create_app(
         The bearer token that clients must show; None for those on this machine alone.
     limits
         How much may be asked.
-    close
-        Called after the last request.
+    monitor
+        Reads the log, and says whether the guaranteed success rate still holds.
     """
     limits, metrics = limits or Limits(), Metrics()
     batcher = Batcher(
@@ -97,12 +102,9 @@ def create_app(
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        import asyncio
-
         batcher.start()
         yield
         await asyncio.to_thread(batcher.close)
-        close()
 
     app = FastAPI(
         title="graspcast",
@@ -118,7 +120,8 @@ def create_app(
     app.router.route_class = ParsedRoute
     app.add_exception_handler(HTTPException, _http_problem)
     _add_verdicts(app, watcher, batcher)
-    _add_state(app, watcher, batcher, metrics)
+    _add_state(app, watcher, batcher)
+    _add_watching(app, metrics, monitor)
     _name_problems(app)
     direct = {
         (method, route.path): route.answer
@@ -189,8 +192,8 @@ def _add_verdicts(app: FastAPI, watcher: Watcher, batcher: Batcher) -> None:
         return reply
 
 
-def _add_state(app: FastAPI, watcher: Watcher, batcher: Batcher, metrics: Metrics) -> None:
-    """Add the routes that say what the service is and how it is."""
+def _add_state(app: FastAPI, watcher: Watcher, batcher: Batcher) -> None:
+    """Add the routes that say what judges, and whether it is ready."""
     models = json_reply(models_of(watcher))
 
     @app.get(
@@ -228,6 +231,28 @@ def _add_state(app: FastAPI, watcher: Watcher, batcher: Batcher, metrics: Metric
             raise RefusedError(503, "code is still being compiled", headers=(("Retry-After", "1"),))
         return json_reply(health())
 
+
+def _add_watching(app: FastAPI, metrics: Metrics, monitor: Monitor | None) -> None:
+    """Add the routes by which the service, and the success of its attempts, are watched."""
+    if monitor is not None:
+        alarm = "1 if the guaranteed success rate no longer holds."
+        metrics.gauge("monitor_alarm", alarm, lambda: monitor().alarm)
+
+    @app.get(
+        "/monitor",
+        response_model=MonitorOut,
+        responses=_problems(*_ALWAYS, 404, 503),
+        dependencies=_TOKEN,
+        summary="Whether the guaranteed success rate still holds",
+        tags=["outcomes"],
+    )
+    async def alarm_or_not() -> Reply:
+        """Read the outcomes that are new in the log, and return the monitor's status."""
+        if monitor is None:
+            raise RefusedError(404, "there is no monitor: it needs a certificate and a log")
+        status = await asyncio.to_thread(monitor)
+        return json_reply({**status.as_dict(), "message": status.message})
+
     @app.get(
         "/metrics",
         response_model=None,
@@ -238,7 +263,7 @@ def _add_state(app: FastAPI, watcher: Watcher, batcher: Batcher, metrics: Metric
     )
     async def counts() -> Reply:
         """Return all metrics."""
-        return Reply(200, metrics.text(), METRICS_TYPE)
+        return Reply(200, await asyncio.to_thread(metrics.text), METRICS_TYPE)
 
 
 def _problems(*statuses: int) -> dict[int | str, dict[str, Any]]:

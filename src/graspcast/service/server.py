@@ -6,7 +6,7 @@ import logging
 import signal
 import socket
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import TYPE_CHECKING
@@ -21,6 +21,7 @@ from graspcast.service.protocol import limited_protocol
 
 if TYPE_CHECKING:
     from graspcast.runtime.watcher import Watcher
+    from graspcast.service.app import Monitor
 
 __all__ = ["listen", "serve"]
 
@@ -58,7 +59,7 @@ def serve(
     *,
     token: str | None = None,
     limits: Limits | None = None,
-    close: Callable[[], None] = lambda: None,
+    monitor: Monitor | None = None,
 ) -> None:
     """Answer requests until a signal comes (SIGTERM, SIGINT); a second one does not wait.
 
@@ -72,12 +73,12 @@ def serve(
         The bearer token that clients must show.
     limits
         How much may be asked.
-    close
-        Called after the last request.
+    monitor
+        As for :func:`~graspcast.service.app.create_app`.
     """
     limits = limits or Limits()
     config = uvicorn.Config(
-        create_app(watcher, token=token, limits=limits, close=close),
+        create_app(watcher, token=token, limits=limits, monitor=monitor),
         http=limited_protocol(limits),
         ws="none",
         lifespan="on",
