@@ -101,6 +101,12 @@ class Service:
         status = Path(f"/proc/{self.process.pid}/status").read_text()
         return int(re.search(r"VmRSS:\s+(\d+)", status)[1]) / 1024  # type: ignore[index]
 
+    def batches(self) -> tuple[float, float]:
+        """Frames that were judged, and batches."""
+        pattern = r"graspcast_batch_frames_(?:sum|count) (\S+)"
+        count, total = map(float, re.findall(pattern, self.get("/metrics")))
+        return total, count
+
     def cpu_s(self) -> float:
         parts = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
         return (int(parts[11]) + int(parts[12])) / os.sysconf("SC_CLK_TCK")
@@ -197,13 +203,14 @@ async def open_loop(
 
 
 def told(name: str, service: Service, ask: Any) -> None:
-    cpu, own = service.cpu_s(), time.process_time()
+    before, cpu, own = service.batches(), service.cpu_s(), time.process_time()
     times, spent, failed = asyncio.run(ask)
     cpu, own = service.cpu_s() - cpu, time.process_time() - own
+    frames, count = np.subtract(service.batches(), before)
     ms = 1e3 * np.percentile(times, [50, 95, 99, 100])
     print(
         f"{name:<18}{len(times) / spent:8.0f} frames/s   p50 {ms[0]:.1f}  p95 {ms[1]:.1f}  "
-        f"p99 {ms[2]:.1f}  max {ms[3]:.1f} ms   failed {failed}   processor a frame: service "
+        f"p99 {ms[2]:.1f}  max {ms[3]:.1f} ms   failed {failed}   {frames / count:.1f} a batch   processor a frame: service "
         f"{1e3 * cpu / len(times):.2f} ms, this {1e3 * own / len(times):.2f} ms",
         flush=True,
     )
