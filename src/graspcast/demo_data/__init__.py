@@ -1,4 +1,4 @@
-"""The synthetic demonstration dataset in the package (see ``README.md`` here)."""
+"""The synthetic demonstration dataset in the package, and a forecaster (see ``README.md`` here)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from graspcast.bop.dataset import BopDataset
 
-__all__ = ["demo_dataset"]
+__all__ = ["demo_dataset", "demo_model"]
 
 
 def demo_dataset() -> BopDataset:
@@ -17,3 +17,8 @@ def demo_dataset() -> BopDataset:
     dataset's directory holds detections.
     """
     return BopDataset(Path(str(files(__name__))) / "ycbv")
+
+
+def demo_model() -> Path:
+    """Return the path of a forecaster of grasps on these objects, by the built-in estimators."""
+    return Path(str(files(__name__))) / "model.npz"

@@ -11,6 +11,7 @@ from graspcast.attempt_log.log import AttemptLog
 from graspcast.attempt_log.records import FrameRecord, OutcomeRecord
 from graspcast.bop.models import Models
 from graspcast.errors import GraspcastError, InputError, UnknownNameError
+from graspcast.forecasting.episode_options import decision_options
 from graspcast.forecasting.fallbacks import Fallbacks, certificate_of
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.grasp_ranking import refuse_mask
@@ -154,6 +155,27 @@ class Watcher:
             f"Watcher({card.principal} with {', '.join(card.supporters) or 'no supporter'}; "
             f"{counted(len(self.forecasters), 'model')}, {counted(len(self._scenes), 'episode')})"
         )
+
+    @property
+    def episodes(self) -> int:
+        """How many episodes are remembered."""
+        return len(self._scenes)
+
+    @property
+    def records(self) -> bool:
+        """Whether decisions and outcomes are kept in a log."""
+        return self._log is not None
+
+    @property
+    def policies(self) -> list[dict[str, Any]]:
+        """What each forecaster decides by: guide, threshold, guarantee, and as many looks."""
+        return [
+            {
+                **decision_options(judge.forecaster, guarantee=None, **judge.options),
+                "max_looks": int(judge.options["max_looks"]),
+            }
+            for judge in self._judges
+        ]
 
     def warm_up(self) -> None:
         """Prepare, so that the first answer is as fast as later ones.

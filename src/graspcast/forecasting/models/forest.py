@@ -202,7 +202,9 @@ def _mean(start, stop, rows, feature, threshold, right, value, roots, out):
     trees = len(roots) - 1
     nodes = np.empty(trees, np.int64)
     for i in range(start, stop):
-        nodes[:] = roots[:-1]
+        # One by one: the assignment of a slice takes numba two seconds to compile.
+        for k in range(trees):
+            nodes[k] = roots[k]
         walk_together(rows[i], nodes, feature, threshold, right)
         total = 0.0
         for node in nodes:

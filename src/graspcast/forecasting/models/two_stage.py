@@ -342,7 +342,10 @@ def _expected(
     inputs = np.empty((draws, 8 + codes.shape[1]), dtype=np.float32)
     turn = np.empty((3, 3))
     for i in range(start, stop):
-        inputs[:, 8:] = codes[numbers[i]]
+        # Not as one assignment, which numba would compile for over a second.
+        for draw in range(draws):
+            for k in range(codes.shape[1]):
+                inputs[draw, 8 + k] = codes[numbers[i], k]
         # The errors of a row that differs from the one before in its target alone are the same.
         if i == start or not repeats[i]:
             for draw in range(draws):

@@ -1,0 +1,124 @@
+"""The verb ``serve``: verdicts over HTTP."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+
+from graspcast.cli.options import Verbs, new_verb, positive, share
+from graspcast.errors import InputError
+
+__all__ = ["add"]
+
+
+def add(verbs: Verbs) -> None:
+    """Add the verb ``serve``."""
+    verb = new_verb(
+        verbs,
+        "serve",
+        _serve,
+        "verdicts over HTTP",
+        "Answer HTTP requests: all estimates of a frame in, a decision on every instance out, and\n"
+        "outcomes into the log. GET /openapi.json describes every route. It listens on this\n"
+        "machine alone, unless the environment variable GRASPCAST_TOKEN holds a token, which\n"
+        "clients then show. SIGTERM and Ctrl-C stop it when all accepted requests are answered.\n"
+        "It logs one JSON object a line on standard error.",
+    )
+    verb.add_argument(
+        "--model",
+        metavar="PATH",
+        action="append",
+        required=True,
+        help="from train, or demo for one of the demonstration's objects; further ones, trained "
+        "with fewer supporters, serve where a supporter is missing",
+    )
+    verb.add_argument(
+        "--threshold",
+        metavar="P",
+        type=share,
+        help="attempt at this probability or above it (default: 0.5)",
+    )
+    verb.add_argument(
+        "--certificate",
+        metavar="PATH",
+        type=Path,
+        action="append",
+        default=[],
+        help="from certify: its threshold instead; one for each model",
+    )
+    verb.add_argument(
+        "--guide",
+        metavar="NAME",
+        help="whose pose guides the grasp: an estimator's, fused (the pose fused from several "
+        "views), or best, whichever has the highest probability (default: the model's principal)",
+    )
+    verb.add_argument(
+        "--max-looks",
+        metavar="N",
+        type=positive,
+        default=3,
+        help="looks after which the decision is never to look again (default: 3)",
+    )
+    verb.add_argument(
+        "--log",
+        metavar="PATH",
+        type=Path,
+        help="keep every decision and outcome in this log; it is made if it does not exist",
+    )
+    verb.add_argument(
+        "--host", metavar="NAME", default="127.0.0.1", help="where to listen (default: 127.0.0.1)"
+    )
+    verb.add_argument(
+        "--port",
+        metavar="N",
+        type=_port,
+        default=8000,
+        help="0 for any that is free (default: 8000)",
+    )
+    verb.add_argument(
+        "--quiet", action="store_true", help="log no requests, but what fails, start and stop"
+    )
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or int(text) > 65535:
+        raise argparse.ArgumentTypeError(f"a number from 0 to 65535 is needed, not {text!r}")
+    return int(text)
+
+
+def _serve(options: argparse.Namespace) -> None:
+    from graspcast.service.extra import check_installed
+
+    check_installed()
+    from graspcast.attempt_log.log import AttemptLog
+    from graspcast.demo_data import demo_model
+    from graspcast.guarantees.certificate import Certificate
+    from graspcast.guarantees.log_monitor import LogMonitor
+    from graspcast.runtime.watcher import Watcher
+    from graspcast.service.access import token_from
+    from graspcast.service.logs import log_to
+    from graspcast.service.server import listen, serve
+
+    if options.threshold is not None and options.certificate:
+        raise InputError("--threshold and --certificate exclude each other; give one")
+    token = token_from()
+    with ExitStack() as stack:
+        # What is refused at once is not found out after the models are read.
+        listener = stack.enter_context(listen(options.host, options.port, token))
+        log = stack.enter_context(AttemptLog.open(options.log)) if options.log else None
+        certificates = [Certificate.load(path) for path in options.certificate]
+        watcher = Watcher.load(
+            *(demo_model() if text == "demo" else text for text in options.model),
+            threshold=options.threshold,
+            certificate=certificates or None,
+            guide=options.guide,
+            max_looks=options.max_looks,
+            log=log,
+        )
+        monitor = None
+        if log is not None and certificates and certificates[0].overall.threshold is not None:
+            monitor = partial(LogMonitor.of(certificates[0]).update, log)
+        log_to(requests=not options.quiet)
+        serve(watcher, listener, token=token, monitor=monitor)
