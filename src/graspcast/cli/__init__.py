@@ -32,6 +32,7 @@ from graspcast.cli import (
     propose_grasps,
     render,
     reproduce,
+    rosbag,
     score,
     simulate,
     tolerance,
@@ -75,6 +76,7 @@ _VERBS = (
     tolerance,
     watch,
     overlay,
+    rosbag,
     import_release,
 )
 
