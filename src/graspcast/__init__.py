@@ -76,6 +76,9 @@ if TYPE_CHECKING:
     from graspcast.paper.tables import reproduce
     from graspcast.perception.conformance import check_estimator
     from graspcast.perception.estimator import Estimator, built_in
+    from graspcast.runtime.answer import Answer, Decision
+    from graspcast.runtime.frame import Estimate, Frame
+    from graspcast.runtime.watcher import Watcher
     from graspcast.simulation.campaign.campaign import run_campaign
     from graspcast.simulation.campaign.from_estimates import trials_from_estimates
     from graspcast.simulation.campaign.jobs import load_setups
@@ -149,6 +152,9 @@ _HOME = {
         "Estimator",
         "built_in",
     ),
+    "runtime.answer": ("Answer", "Decision"),
+    "runtime.frame": ("Estimate", "Frame"),
+    "runtime.watcher": ("Watcher",),
     "simulation.campaign.campaign": ("run_campaign",),
     "simulation.campaign.from_estimates": ("trials_from_estimates",),
     "simulation.campaign.jobs": ("load_setups",),

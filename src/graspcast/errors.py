@@ -6,7 +6,8 @@
     ├── InputError            an input is wrong: a file, a value, an argument
     │   ├── FormatError       a file does not follow its format
     │   ├── UnknownNameError  a name is not known; the message lists the known names
-    │   └── MismatchError     two inputs are valid, but do not belong together
+    │   ├── MismatchError     two inputs are valid, but do not belong together
+    │   └── UnknownEpisodeError  an episode is not known (any more); the message says why
     ├── ExtraMissingError     an optional dependency is not installed; the message has the pip line
     ├── EstimatorFailedError  an external estimator's command failed; with the end of its stderr
     ├── CampaignStoppedError  a campaign stopped early; its outcomes are kept, and it can be resumed
@@ -35,6 +36,7 @@ __all__ = [
     "InputError",
     "MismatchError",
     "TrainingDataWarning",
+    "UnknownEpisodeError",
     "UnknownNameError",
     "WorkerLostError",
 ]
@@ -125,6 +127,10 @@ class UnknownNameError(InputError):
 
 class MismatchError(InputError):
     """Two inputs are valid, but do not belong together."""
+
+
+class UnknownEpisodeError(InputError):
+    """An episode is not known: it never was, has expired, was forgotten or made room."""
 
 
 class EstimatorFailedError(GraspcastError):

@@ -157,6 +157,11 @@ class Episodes:
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.dataset}, {counted(self._count, 'look')})"
 
+    @property
+    def count(self) -> int:
+        """How many looks there were."""
+        return self._count
+
     def forget(self) -> None:
         """Forget all looks, as when an object was moved."""
         with self._lock:

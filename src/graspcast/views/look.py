@@ -19,7 +19,7 @@ from graspcast.io.wording import counted
 from graspcast.pose.sanity import as_pose
 from graspcast.views.camera_motion import rigid
 
-__all__ = ["Look"]
+__all__ = ["Look", "camera_pose", "intrinsics"]
 
 _ESTIMATES = mapping(
     (lambda value: isinstance(value, Results | Mapping), "Results, or a dict of poses by object"),
@@ -99,9 +99,9 @@ class Look:
         object.__setattr__(self, "datasets", frozenset(datasets))
         object.__setattr__(self, "image", next(iter(images), None))
         if self.world_T_cam is not None:
-            object.__setattr__(self, "world_T_cam", _camera_pose(self.world_T_cam))
+            object.__setattr__(self, "world_T_cam", camera_pose(self.world_T_cam, "Look"))
         if self.K is not None:
-            object.__setattr__(self, "K", _intrinsics(self.K))
+            object.__setattr__(self, "K", intrinsics(self.K, "Look"))
 
     def __len__(self) -> int:
         return sum(map(len, self.results.values()))
@@ -137,21 +137,35 @@ def _results(source: str, obj_id: Iterable[int], poses: Iterable[ndarray]) -> Re
     return Results(zeros, zeros, numbers, np.ones(n), cam_T_obj, np.full(n, -1.0), zeros, source)
 
 
-def _camera_pose(given: Any) -> Float[ndarray, "4 4"]:
+def camera_pose(given: Any, where: str) -> Float[ndarray, "4 4"]:
+    """Return a camera's pose, checked; ``where`` begins the message.
+
+    Raises
+    ------
+    InputError
+        For what is not rigid.
+    """
     try:
         return rigid(given)
     except ValueError as error:
         raise InputError(
-            f"Look: the camera's pose world_T_cam {error}", parameters=("world_T_cam",)
+            f"{where}: the camera's pose world_T_cam {error}", parameters=("world_T_cam",)
         ) from error
 
 
-def _intrinsics(given: Any) -> Float[ndarray, "3 3"]:
+def intrinsics(given: Any, where: str) -> Float[ndarray, "3 3"]:
+    """Return a matrix of intrinsics, pixels, checked; ``where`` begins the message.
+
+    Raises
+    ------
+    InputError
+        For what cannot be one.
+    """
     try:
         K = np.array(given, dtype=np.float64)
         problem = "" if K.shape == (3, 3) and np.isfinite(K).all() else "is not 3x3 finite numbers"
     except Exception:  # tensors of other libraries raise what they like
         K, problem = np.eye(3), "is not 3x3 finite numbers"
     if problem := problem or camera_problem(K):
-        raise InputError(f"Look: K {problem}", parameters=("K",))
+        raise InputError(f"{where}: K {problem}", parameters=("K",))
     return K

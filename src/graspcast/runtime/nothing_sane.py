@@ -1,0 +1,42 @@
+"""Objects in a frame of which no estimator has a pose that can be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from graspcast.estimates.checks import no_estimate_by
+from graspcast.pose.sanity import is_placeholder, pose_problems
+from graspcast.runtime.frame import Frame
+
+__all__ = ["nothing_sane"]
+
+
+def nothing_sane(
+    frame: Frame,
+    judged: Collection[str],
+    diameters_of: Callable[[ndarray], Float[ndarray, " n"]],
+) -> dict[str, str]:
+    """Return the objects that were not judged, and why: what is wrong with each estimator's pose.
+
+    Parameters
+    ----------
+    frame
+        The frame; placeholders for "nothing found" are left out.
+    judged
+        Names of objects that were judged.
+    diameters_of
+        Returns diameters by objects' names, metres, NaN where unknown.
+    """
+    out: dict[str, dict[str, str]] = {}
+    for estimator, given in frame.estimates.items():
+        for estimate in given:
+            name, pose = estimate.object_name, estimate.cam_T_obj[None]
+            if name in judged or is_placeholder(pose)[0]:
+                continue
+            (problem,) = pose_problems(pose, diameters_of(np.array([name])))
+            out.setdefault(name, {}).setdefault(estimator, problem)
+    return {name: no_estimate_by(tuple(said), said) for name, said in sorted(out.items())}

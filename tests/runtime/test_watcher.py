@@ -1,0 +1,130 @@
+"""Decisions on frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from episode_world import FOUND, World, new_world
+from graspcast.errors import InputError, UnknownEpisodeError, UnknownNameError
+from graspcast.pose.transforms import compose
+from graspcast.runtime.answer import Answer
+from graspcast.runtime.frame import Estimate, Frame
+from graspcast.runtime.watcher import Watcher
+from looked_at import CAMERAS, NAMES
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> World:
+    return new_world(tmp_path_factory.mktemp("world"))
+
+
+@pytest.fixture(scope="module")
+def watcher(world: World) -> Watcher:
+    return Watcher(world.forecaster, models=world.models, threshold=0.7)
+
+
+def frame(i: int, *, names: tuple[str, ...] = NAMES, known: bool = True) -> Frame:
+    estimates = {
+        name: [Estimate(f"d-{o + 1}", FOUND[name][i, o], 0.9) for o in range(2)] for name in names
+    }
+    return Frame(estimates, CAMERAS[i] if known else None)
+
+
+def test_a_frame_is_judged_as_episodes_judge_it(world: World, watcher: Watcher) -> None:
+    from episode_world import results
+
+    episodes = world.episodes()
+    answer: Answer | None = None
+    for i in range(3):
+        answer = watcher.judge(frame(i), None if answer is None else answer.episode)
+        expected = episodes.look(results(i), CAMERAS[i])
+        assert answer.look == i + 1
+        assert [d.instance for d in answer] == [v.instance for v in expected]
+        assert [d.probability for d in answer] == [v.probability for v in expected]
+        assert [d.action for d in answer] == [str(v) for v in expected]
+        assert [d.reason for d in answer] == [v.verdict.reason for v in expected]
+        for decision, verdict in zip(answer, expected, strict=True):
+            np.testing.assert_array_equal(decision.cam_T_obj, verdict.cam_T_obj)
+            assert decision.world_T_obj is not None
+            wanted = compose(CAMERAS[i], decision.cam_T_obj)
+            np.testing.assert_allclose(decision.world_T_obj, wanted, atol=1e-12)
+
+
+def test_a_batch_of_first_looks_is_judged_as_each_alone(watcher: Watcher) -> None:
+    frames = [frame(0), frame(1, known=False), frame(2, names=NAMES[:2]), frame(3)]
+    together = watcher.judge_all(frames)
+    for answer, each in zip(together, frames, strict=True):
+        alone = watcher.judge(each)
+        assert isinstance(answer, Answer)
+        assert answer.episode != alone.episode
+        for one, other in zip(answer, alone, strict=True):
+            mine, its = one.as_dict(), other.as_dict()
+            assert mine.pop("id") != its.pop("id")
+            assert mine == its
+
+
+def test_an_odd_frame_in_a_batch_has_its_error_and_the_others_their_answers(
+    watcher: Watcher,
+) -> None:
+    odd = Frame({"another": [Estimate("d-1", FOUND["a"][0, 0])]})
+    first, error, last = watcher.judge_all([frame(0), odd, frame(1)])
+    assert isinstance(first, Answer) and isinstance(last, Answer)
+    assert isinstance(error, UnknownNameError)
+    assert "'another'" in str(error) and "a, b, c" in str(error)
+
+
+def test_an_odd_object_leaves_the_verdicts_on_the_others(watcher: Watcher) -> None:
+    wrong = np.full((4, 4), np.nan)
+    usual = frame(0)
+    estimates = {
+        name: [given[0], Estimate("d-2", wrong), Estimate("other-7", FOUND[name][0, 1])]
+        for name, given in usual.estimates.items()
+    }
+    answer = watcher.judge(Frame(estimates, CAMERAS[0]))
+    said = {d.object_name: d for d in answer}
+    assert said["d-1"].probability == watcher.judge(usual).decisions[0].probability
+    assert said["d-2"].action == said["other-7"].action == "abstain"
+    assert "not finite" in said["d-2"].reason and said["d-2"].instance == -1
+    assert "not trained for other-7" in said["other-7"].reason
+
+
+def test_an_episode_that_is_not_known_says_why(world: World) -> None:
+    watcher = Watcher(world.forecaster, models=world.models, max_episodes=2)
+    ids = [watcher.judge(frame(0)).episode for _ in range(3)]
+    with pytest.raises(UnknownEpisodeError, match="made room for others, since 2 are kept"):
+        watcher.judge(frame(1), ids[0])
+    watcher.forget(ids[1])
+    with pytest.raises(UnknownEpisodeError, match="was forgotten"):
+        watcher.judge(frame(1), ids[1])
+    with pytest.raises(UnknownEpisodeError, match="nothing is not known here"):
+        watcher.judge(frame(1), "nothing")
+
+
+def test_an_episode_expires(world: World) -> None:
+    watcher = Watcher(world.forecaster, models=world.models, episode_ttl_s=0.001)
+    episode = watcher.judge(frame(0)).episode
+    import time
+
+    time.sleep(0.01)
+    with pytest.raises(UnknownEpisodeError, match=r"no look for 0\.001 s"):
+        watcher.judge(frame(1), episode)
+
+
+def test_a_look_that_fails_does_not_count(watcher: Watcher) -> None:
+    first = frame(0)
+    timed = Frame(first.estimates, first.world_T_cam, time_s=5.0)
+    answer = watcher.judge(timed)
+    with pytest.raises(InputError, match="times should increase"):
+        watcher.judge(Frame(first.estimates, first.world_T_cam, time_s=4.0), answer.episode)
+    assert watcher.judge(frame(1), answer.episode).look == 2
+
+
+def test_a_model_file_is_loaded(world: World, tmp_path: Path) -> None:
+    world.forecaster.save(tmp_path / "model.npz")
+    watcher = Watcher.load(tmp_path / "model.npz", models=world.models, threshold=0.7)
+    watcher.warm_up()
+    assert "a with b, c" in repr(watcher)
+    assert len(watcher.judge(frame(0))) == 2
