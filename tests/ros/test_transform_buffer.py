@@ -6,7 +6,7 @@ from graspcast.pose.transforms import compose, invert, rotation_from_vector
 from graspcast.ros.transform_buffer import (
     TransformBuffer,
     TransformMissingError,
-    TransformTooNewError,
+    TransformNotYetError,
 )
 
 TURNED = np.eye(4)
@@ -65,7 +65,7 @@ def test_nothing_is_extrapolated():
         ros.transform("base", "camera", np.eye(4), 2.0),
     )
     with pytest.raises(
-        TransformTooNewError, match=r"latest transform of 'camera'.*0\.500 s too old"
+        TransformNotYetError, match=r"latest transform of 'camera'.*0\.500 s too old"
     ):
         buffer.lookup("base", "camera", round(2.5 * ros.NS))
     with pytest.raises(TransformMissingError, match=r"first transform .* 0\.500 s too late"):

@@ -50,7 +50,7 @@ class Judge(LifecycleNode):
         values = {p.name: self.get_parameter(p.name).value for p in PARAMETERS}
         try:
             given = node_settings(values)
-            self._session = Session.open(given)
+            self._session = Session(given)
         except (GraspcastError, OSError) as error:
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE

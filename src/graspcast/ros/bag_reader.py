@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -15,6 +16,7 @@ from graspcast.ros.bag_types import require_rosbags, types_of
 __all__ = ["MCAP", "ROS1", "SQLITE", "BagReader", "kind_of"]
 
 ROS1, SQLITE, MCAP = "ROS 1", "SQLite", "MCAP"
+_REMEDIES = {ROS1: "'rosbag reindex'", SQLITE: "'ros2 bag reindex'", MCAP: "'mcap recover'"}
 _SUFFIXES = {".bag": ROS1, ".db3": SQLITE, ".mcap": MCAP}
 
 
@@ -95,9 +97,10 @@ class BagReader:
             raise
         except Exception as error:
             said = (str(error) or type(error).__name__).splitlines()[0][:300]
-            hint = "; 'rosbag reindex' may mend it" if self.ros1 and "index" in said else ""
             raise FormatError(
-                self.path, f"{what}: {said}. The bag is damaged, or of an unknown kind{hint}"
+                self.path,
+                f"{what}: {said}. The bag is damaged, was not closed, or is of an unknown kind; "
+                f"{_REMEDIES[self.kind]} may mend it",
             ) from error
 
     def __enter__(self) -> Self:
@@ -131,9 +134,9 @@ class BagReader:
         found = [c for c in self.connections if c.topic == topic]
         if not found:
             known = [f"{name} ({kind})" for name, kind in self.topics().items()]
-            raise UnknownNameError(
-                "topic", topic, known, hint=f"They are those of {self.path}", parameters=("topics",)
-            )
+            near = get_close_matches(topic, list(self.topics()), n=1)
+            hint = f"These are in {self.path}" + (f"; did you mean {near[0]}?" if near else "")
+            raise UnknownNameError("topic", topic, known, hint=hint, parameters=("topics",))
         for connection in found:
             if connection.msgtype not in types:
                 raise InputError(

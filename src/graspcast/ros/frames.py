@@ -26,7 +26,7 @@ from graspcast.ros.settings import Settings
 from graspcast.ros.transform_buffer import (
     TransformBuffer,
     TransformMissingError,
-    TransformTooNewError,
+    TransformNotYetError,
 )
 from graspcast.runtime.frame import Estimate, Frame
 
@@ -70,7 +70,7 @@ def frame_of(
 
     Raises
     ------
-    TransformTooNewError
+    TransformNotYetError
         Unless ``final``, where a transform may be known later.
     InputError
         For messages that are no detections.
@@ -90,7 +90,7 @@ def frame_of(
 
 
 def _raise_if_early(error: TransformMissingError, final: bool) -> None:
-    if isinstance(error, TransformTooNewError) and not final:
+    if isinstance(error, TransformNotYetError) and not final:
         raise error
 
 

@@ -16,7 +16,7 @@ from graspcast.ros.poses import Stamp, seconds, stamp_of
 from graspcast.ros.problems import Problems
 from graspcast.ros.settings import STATIC, Settings
 from graspcast.ros.synchroniser import Synchronised, Synchroniser
-from graspcast.ros.transform_buffer import TransformBuffer, TransformTooNewError
+from graspcast.ros.transform_buffer import TransformBuffer, TransformNotYetError
 from graspcast.runtime.answer import Answer
 from graspcast.runtime.frame import Frame
 from graspcast.runtime.watcher import Watcher
@@ -76,6 +76,10 @@ class StreamJudge:
 
     Attributes
     ----------
+    settings
+        As given.
+    objects
+        Names of the objects that can be judged.
     problems
         All that was left out so far, counted.
     frames, judged
@@ -85,8 +89,8 @@ class StreamJudge:
     def __init__(
         self, watcher: Watcher, settings: Settings, estimators: Sequence[str] | None = None
     ):
-        self._known = frozenset(name for f in watcher.forecasters for name in f.card.objects)
-        settings.check_objects(self._known)
+        self.objects = frozenset(name for f in watcher.forecasters for name in f.card.objects)
+        settings.check_objects(self.objects)
         for name in estimators or ():
             if name not in watcher.estimators:
                 raise UnknownNameError(
@@ -169,10 +173,10 @@ class StreamJudge:
                 found.stamp,
                 self._transforms,
                 self.settings,
-                self._known,
+                self.objects,
                 final=final,
             )
-        except TransformTooNewError:
+        except TransformNotYetError:
             return None
         missing = self._synchroniser.missing(found)
         for name in missing:

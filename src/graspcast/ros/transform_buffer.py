@@ -22,7 +22,7 @@ from graspcast.ros.poses import (
 )
 from graspcast.ros.problems import Problems
 
-__all__ = ["TransformBuffer", "TransformMissingError", "TransformTooNewError"]
+__all__ = ["TransformBuffer", "TransformMissingError", "TransformNotYetError"]
 
 Matrix = Float[ndarray, "4 4"]
 
@@ -31,8 +31,8 @@ class TransformMissingError(InputError):
     """There is no transform between two frames at a time; the message says why."""
 
 
-class TransformTooNewError(TransformMissingError):
-    """The transform is not known yet: the latest one is older than the time asked for."""
+class TransformNotYetError(TransformMissingError):
+    """The transform is not known yet: frames are not connected so far, or only until earlier."""
 
 
 class _Moving:
@@ -132,10 +132,10 @@ class TransformBuffer:
 
         Raises
         ------
-        TransformTooNewError
+        TransformNotYetError
             If it may be known later.
         TransformMissingError
-            If the frames are not connected, or not at this time.
+            If it will not be: for times before the first transform, gaps and loops.
         """
         target, source = frame_name(target), frame_name(source)
         if target == source:
@@ -146,7 +146,7 @@ class TransformBuffer:
             missing = [frame for frame in (target, source) if frame not in self.frames()]
             known = ", ".join(self.frames()) or "none"
             what = f"the frame {missing[0]!r} is unknown" if missing else "they are not connected"
-            raise TransformMissingError(
+            raise TransformNotYetError(
                 f"no transform from {source!r} to {target!r}: {what}; frames known: {known}"
             )
         common_T_target = self._climb(target, common, stamp)
@@ -187,7 +187,7 @@ class TransformBuffer:
         of = f"of {frame!r} in {moving.parent!r}"
         if after == len(stamps):
             late = seconds(stamp - stamps[-1])
-            raise TransformTooNewError(f"the latest transform {of} is {late:.3f} s too old")
+            raise TransformNotYetError(f"the latest transform {of} is {late:.3f} s too old")
         if after == 0:
             early = seconds(stamps[0] - stamp)
             raise TransformMissingError(f"the first transform {of} is {early:.3f} s too late")
