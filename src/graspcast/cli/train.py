@@ -24,6 +24,7 @@ from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
+    from graspcast.forecasting.forecaster import Forecaster
     from graspcast.forecasting.training_data import TrainingData
     from graspcast.io.progress import Progress
 
@@ -50,6 +51,7 @@ def add(verbs: Verbs) -> None:
     verb.add_argument("--gripper", metavar="NAME", required=True, help="gripper of the outcomes")
     add_outcomes(verb, required=False)
     _add_learned(verb)
+    _add_grasps(verb)
     verb.add_argument(
         "--simulated",
         metavar="DIR",
@@ -103,6 +105,16 @@ def _add_learned(verb: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_grasps(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument(
+        "--grasps",
+        metavar="FILE",
+        type=Path,
+        help="own grasps (TOML) that the outcomes are of; the model file carries them, and the "
+        "built-in ones otherwise, so that verdicts at the robot have gripper poses",
+    )
+
+
 def _add_forest_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--trees",
@@ -151,6 +163,7 @@ def _train(options: argparse.Namespace) -> None:
     from graspcast.forecasting.models.mlp.types import MlpSettings
     from graspcast.forecasting.one_estimator import ALONE
     from graspcast.forecasting.train import fit_forecaster
+    from graspcast.simulation.grasps.table import read_grasps
 
     inputs = inputs_with_images(options)
     data = _training_data(options, inputs)
@@ -182,6 +195,7 @@ def _train(options: argparse.Namespace) -> None:
         forecaster = fit_forecaster(data, progress=move, **settings)
     card = replace(forecaster.card, scores=scores)
     forecaster = replace(forecaster, card=card)
+    forecaster = forecaster.with_objects(inputs.models, read_grasps(options.grasps))
     if scores:
         rows = [
             [measure.replace("_", " "), *(_figure(s[measure]) for s in scores.values())]
@@ -190,7 +204,7 @@ def _train(options: argparse.Namespace) -> None:
         header = [card.method, *(name.replace("_", " ") for name in scores)]
         print_table(f"{card.method}, cross-validated scores", header, rows)
     forecaster.save(options.out)
-    note(*(f"Warning: {text}." for text in card.warnings))
+    note(*(f"Warning: {text}." for text in card.warnings), _carried(forecaster, options.grasps))
     write_json(options.json, {"card": card.as_dict()})
     simulated = f" ({len(card.simulated)} by simulation alone)" if card.simulated else ""
     grasps = f" with {counted(len(card.targets), 'grasp')}" if card.grasps else ""
@@ -202,6 +216,18 @@ def _train(options: argparse.Namespace) -> None:
         f"{options.out}: {options.principal}{together}{seen}, {options.gripper} gripper, "
         f"{counted(len(card.objects), 'object')}{simulated}{grasps}, "
         f"{counted(card.samples, 'sample')}{more}"
+    )
+
+
+def _carried(forecaster: Forecaster, path: Path | None) -> str:
+    """Say which grasps the model file carries for the robot."""
+    card, known = forecaster.card, forecaster.known
+    assert known is not None
+    names = [set(card.grasps_of(name)) <= set(known.grasps.get(name, {})) for name in card.objects]
+    source = "the built-in ones" if path is None else f"of {path} and the built-in ones"
+    return (
+        f"the model file carries the {card.gripper} gripper's grasps of {sum(names)} of "
+        f"{counted(len(names), 'object')} ({source}); --grasps gives those that the outcomes are of"
     )
 
 

@@ -21,6 +21,8 @@ from graspcast.forecasting.grasp_ranking import Reachable
 from graspcast.forecasting.grasps_of_instances import rank as _rank
 from graspcast.forecasting.grasps_of_instances import ranking_of as _ranking_of
 from graspcast.forecasting.grasps_of_instances import rankings as _rankings
+from graspcast.forecasting.known_objects import KnownObjects
+from graspcast.forecasting.known_objects import with_objects as _with_objects
 from graspcast.forecasting.model_card import ONE_VIEW_FEATURES, ModelCard
 from graspcast.forecasting.model_file import read_model, write_model
 from graspcast.forecasting.models.base import Predictor
@@ -65,11 +67,14 @@ class Forecaster:
     """Medians of the training features, the baseline of attributions."""
     others: tuple[Forecaster, ...] = ()
     """The same for other guides, with the same forests."""
+    known: KnownObjects | None = None
+    """What the model file carries of the objects; None if it was written without."""
 
     warm_up = _warm_up
     predict_frame = _predict_frame
     rank = _rank
     judge = _judge
+    with_objects = _with_objects
     _decide = _decide_sane
 
     def __repr__(self) -> str:
@@ -373,7 +378,8 @@ class Forecaster:
     def save(self, path: str | PathLike[str]) -> None:
         """Write one npz file of arrays and JSON, without pickle, with a digest."""
         every = (self, *self.others)
-        write_model(path, [(f.card, f.predictor, f.novelty, f.typical) for f in every])
+        parts = [(f.card, f.predictor, f.novelty, f.typical) for f in every]
+        write_model(path, parts, self.known)
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Forecaster:
@@ -384,5 +390,6 @@ class Forecaster:
         FormatError
             If the file is missing, damaged, or not a model.
         """
-        first, *rest = (cls(*parts) for parts in read_model(path))
+        every, known = read_model(path)
+        first, *rest = (cls(*parts, known=known) for parts in every)
         return replace(first, others=tuple(rest))

@@ -15,6 +15,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.errors import FormatError
+from graspcast.forecasting.known_objects import KnownObjects
 from graspcast.forecasting.model_card import ONE_VIEW_FEATURES, ModelCard
 from graspcast.forecasting.models.add_threshold import Thresholds
 from graspcast.forecasting.models.base import Predictor
@@ -45,8 +46,19 @@ Parts = tuple[ModelCard, Predictor, Novelty | None, Float[ndarray, " d"]]
 """What a forecaster is made of, for one guide."""
 
 
-def write_model(path: str | PathLike[str], parts: Sequence[Parts]) -> None:
+def write_model(
+    path: str | PathLike[str], parts: Sequence[Parts], known: KnownObjects | None = None
+) -> None:
     """Write the parts of a forecaster, the principal's first, then those of other guides.
+
+    Parameters
+    ----------
+    path
+        The file.
+    parts
+        Of each guide.
+    known
+        What the file carries of the objects.
 
     Raises
     ------
@@ -65,10 +77,12 @@ def write_model(path: str | PathLike[str], parts: Sequence[Parts]) -> None:
         arrays |= _prefixed(f"{i}/predictor", mine)
         if novelty is not None:
             arrays |= _prefixed(f"{i}/novelty", novelty.to_arrays())
+    if known is not None:
+        arrays |= _prefixed("objects", known.to_arrays())
     write_arrays(path, arrays)
 
 
-def read_model(path: str | PathLike[str]) -> list[Parts]:
+def read_model(path: str | PathLike[str]) -> tuple[list[Parts], KnownObjects | None]:
     """Read what :func:`write_model` wrote.
 
     Raises
@@ -87,11 +101,13 @@ def read_model(path: str | PathLike[str]) -> list[Parts]:
         out: list[Parts] = []
         for i, card in enumerate(cards):
             out.append(_part(card, _below(str(i), arrays), out[0][1] if out else None))
+        objects = _below("objects", arrays)
+        known = KnownObjects.from_arrays(objects) if objects else None
     except FormatError:
         raise
     except Exception as error:  # those of the parts' checks, of JSON and of NumPy have no base
         raise FormatError(path, f"is not a complete model file ({error}); {_REMEDY}") from error
-    return out
+    return out, known
 
 
 def _part(card: ModelCard, arrays: Mapping[str, ndarray], shared: Predictor | None) -> Parts:

@@ -42,6 +42,7 @@ from graspcast.forecasting.visibility_features import features_of_one, median_ro
 from graspcast.io.arguments import NAME, a, checked, mapping
 from graspcast.io.progress import Progress, step_of
 from graspcast.io.provenance import versions
+from graspcast.simulation.grasps.table import GraspTable, read_grasps
 
 __all__ = ["fit_forecaster", "train_forecaster"]
 
@@ -50,7 +51,12 @@ _FEW = 50
 _METHODS = tuple(name for name in KINDS if name != ALONE)
 
 
-@checked(training_data=a(TrainingData), method=NAME, models=mapping(a(Models), "dataset"))
+@checked(
+    training_data=a(TrainingData),
+    method=NAME,
+    models=mapping(a(Models), "dataset"),
+    grasps=a(GraspTable),
+)
 def train_forecaster(
     training_data: TrainingData,
     *,
@@ -61,6 +67,7 @@ def train_forecaster(
     models: Mapping[str, Models] | None = None,
     guides: Sequence[str] | None = None,
     learn_from: Sequence[str] = (),
+    grasps: GraspTable | None = None,
     progress: Progress | None = None,
 ) -> Forecaster:
     """Train a forecaster for a principal, its supporters, a gripper and objects.
@@ -100,6 +107,9 @@ def train_forecaster(
         is the same whichever estimator made the error, so the outcomes of grasps that these guided
         teach it too. They are no supporters and no guides. With a single estimator left it serves
         forecasts with several views.
+    grasps
+        The grasps that the outcomes are of, which the model file carries for the robot; by default
+        the built-in ones (:func:`graspcast.read_grasps`).
     progress
         Called with the share of the work that is done and a message.
 
@@ -132,7 +142,7 @@ def train_forecaster(
     )
     for text in forecaster.card.warnings:
         warnings.warn(text, TrainingDataWarning, stacklevel=3)  # beyond the wrapper of checked
-    return forecaster
+    return forecaster.with_objects(models or {}, read_grasps() if grasps is None else grasps)
 
 
 def fit_forecaster(

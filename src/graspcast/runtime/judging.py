@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.bop.models import Models
-from graspcast.errors import GraspcastError
+from graspcast.errors import GraspcastError, MismatchError
 from graspcast.estimates.instances import split_object_name
 from graspcast.forecasting.episode_verdict import EpisodeVerdict
 from graspcast.forecasting.episodes import Episodes
@@ -21,29 +20,34 @@ from graspcast.runtime.frame import Frame
 __all__ = ["Judge"]
 
 
-@dataclass(frozen=True, eq=False)
 class Judge:
     """One forecaster with the options by which it decides.
 
-    Attributes
+    Parameters
     ----------
     forecaster
         The forecaster.
     models
-        Dataset's name to its object models.
-    options
+        Dataset's name to its object models; those that its file carries if None.
+    **options
         Of :class:`~graspcast.forecasting.episodes.Episodes`.
+
+    Raises
+    ------
+    InputError, MismatchError, UnknownNameError
+        If options are wrong, or the objects' sizes and points are needed and missing.
     """
 
-    forecaster: Forecaster
-    models: Mapping[str, Models] | None
-    options: Mapping[str, Any]
-
-    def check(self) -> None:
-        """Raise if options are wrong, or the objects' sizes and points are needed and missing."""
-        card = self.forecaster.card
-        dataset, _ = split_object_name(card.objects[0])
-        self.episodes(dataset)
+    def __init__(
+        self, forecaster: Forecaster, models: Mapping[str, Models] | None, **options: Any
+    ) -> None:
+        known = forecaster.known
+        carried = None if known is None else known.models
+        self.forecaster, self.options = forecaster, options
+        self.models = carried if models is None else models
+        self._grasps = {} if known is None else known.grasps
+        _check_objects(forecaster, self.models)
+        self.episodes(split_object_name(forecaster.card.objects[0])[0])
 
     def warm_up(self) -> None:
         """Load what the first verdict would wait for."""
@@ -51,7 +55,7 @@ class Judge:
 
     def grasps_of(self, object_name: str) -> Mapping[str, Float[ndarray, "4 4"]]:
         """Return the poses of an object's grasps on it, by name, where they are known."""
-        return {}
+        return self._grasps.get(object_name, {})
 
     def replayed(self, dataset: str, frames: Sequence[Frame]) -> Episodes:
         """Return the looks at the objects of a dataset so far."""
@@ -95,3 +99,29 @@ class Judge:
             except GraspcastError as error:
                 out.append(error)
         return out
+
+
+def _check_objects(forecaster: Forecaster, models: Mapping[str, Models] | None) -> None:
+    """Raise if the features need the sizes and points of objects that there are not.
+
+    Raises
+    ------
+    MismatchError
+        Naming the objects and the remedies.
+    """
+    card = forecaster.card
+    if not forecaster.needs_models and forecaster.view_model is None:
+        return
+    lacking = []
+    for name in card.objects:
+        dataset, obj_id = split_object_name(name)
+        if models is None or dataset not in models or obj_id not in models[dataset].info:
+            lacking.append(name)
+    if lacking:
+        given = "the model file carries" if models is None or forecaster.known else "there are"
+        raise MismatchError(
+            f"verdicts of {card.principal} with {', '.join(card.supporters) or 'no supporter'} "
+            f"need sizes and meshes of objects, and {given} none of {', '.join(lacking)}: give the "
+            "object models, or train the model again, which puts what is needed into its file",
+            parameters=("models", "bop"),
+        )

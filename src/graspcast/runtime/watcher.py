@@ -108,11 +108,9 @@ class Watcher:
         }
         certificates = _listed(certificate)
         self._judges = [
-            Judge(f, models, {**options, "certificate": _certificate(f, certificates, ood_alpha)})
+            Judge(f, models, certificate=_certificate(f, certificates, ood_alpha), **options)
             for f in self.forecasters
         ]
-        for judge in self._judges:
-            judge.check()
         self.gripper = self.forecasters[0].card.gripper
         every = (name for f in self.forecasters for name in f.card.estimators)
         self.estimators = tuple(dict.fromkeys(every))
