@@ -126,6 +126,7 @@ def _add_frames(verb: argparse.ArgumentParser) -> None:
 
 
 def _rosbag(options: argparse.Namespace) -> None:
+    from graspcast.guarantees.certificate import Certificate
     from graspcast.ros.bag_types import require_rosbags
     from graspcast.ros.conversion import convert_bag
     from graspcast.ros.parameters import pairs
@@ -142,9 +143,11 @@ def _rosbag(options: argparse.Namespace) -> None:
         episodes=options.episodes,
     )
     topics = pairs(options.topics, "estimates")
+    certificates = [Certificate.load(path) for path in options.certificate]
     watcher = Watcher.load(
         *options.model,
         threshold=options.threshold,
+        certificate=certificates or None,
         guide=options.guide,
         max_looks=options.max_looks,
     )
