@@ -13,6 +13,7 @@ mkdir -p "$work/src"
 cd "$work"
 
 [ -x env/bin/python ] || "$python" -m venv env
+touch env/COLCON_IGNORE
 env/bin/pip install --quiet -e "$here/.." pytest \
   ros-kilted-rclpy ros-kilted-rmw-fastrtps-cpp ros-kilted-diagnostic-msgs \
   ros-kilted-geometry-msgs ros-lifecycle-msgs ros-std-srvs \

@@ -14,7 +14,7 @@ from graspcast.ros.bag_reader import BagReader
 from graspcast.ros.bag_types import maker_of
 from graspcast.ros.bag_writer import BagWriter, check_output, written_kind
 from graspcast.ros.definitions import DETECTIONS, TRANSFORMS, VERDICTS
-from graspcast.ros.judging import Judged, StreamJudge
+from graspcast.ros.judging import Image, Judged, StreamJudge
 from graspcast.ros.outgoing import detection_array, verdict_array
 from graspcast.ros.problems import Problems
 from graspcast.ros.settings import Settings
@@ -26,6 +26,8 @@ PREFIX = "/graspcast"
 _TF, _TF_STATIC = "/tf", "/tf_static"
 _OLD_TRANSFORMS = "tf/msg/tfMessage"
 """Of ROS 1 before tf2."""
+_BATCH = 16
+"""Images that are judged at once."""
 _REPORTED_EVERY = 200
 """Messages between two reports of progress."""
 
@@ -168,6 +170,7 @@ class _Conversion:
             for name, kind in zip(self._names, (VERDICTS, DETECTIONS), strict=True)
         ]
         self._read_static()
+        self._later: list[tuple[Image, int]] = []
         total, time_ns = max(len(self._reader), 1), 0
         moving = {connection.id for connection in self._moving}
         for connection, time_ns, raw in self._reader.messages():
@@ -177,12 +180,13 @@ class _Conversion:
                 self._add(connection, raw)
             elif connection.id in self._estimators:
                 self._add(connection, raw, self._estimators[connection.id], time_ns)
-            for judged in self._judge.due(time_ns):
-                self._write(judged, time_ns)
+            self._later += [(image, time_ns) for image in self._judge.ready(time_ns)]
+            if len(self._later) >= _BATCH:
+                self._write_later()
             if progress is not None and done.messages % _REPORTED_EVERY == 0:
                 progress(min(done.messages / total, 1.0), "")
-        for judged in self._judge.rest():
-            self._write(judged, time_ns)
+        self._later += [(image, time_ns) for image in self._judge.left()]
+        self._write_later()
         done.frames, done.judged = self._judge.frames, self._judge.judged
         done.problems.update(self._judge.problems)
         return done
@@ -212,6 +216,13 @@ class _Conversion:
             self._judge.add_transforms(message, static=static)
         else:
             self._judge.add_detections(estimator, message, time_ns)
+
+    def _write_later(self) -> None:
+        """Judge the images that wait, at once, and write the verdicts."""
+        judged = self._judge.judge([image for image, _ in self._later])
+        for one, (_, time_ns) in zip(judged, self._later, strict=True):
+            self._write(one, time_ns)
+        self._later = []
 
     def _write(self, judged: Judged, time_ns: int) -> None:
         verdicts = verdict_array(self._make, judged, self._settings)

@@ -5,7 +5,7 @@ The node and the bag converter are this with a clock. Nothing here needs ROS.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,17 +14,39 @@ from graspcast.errors import GraspcastError, UnknownEpisodeError, UnknownNameErr
 from graspcast.ros.frames import frame_of
 from graspcast.ros.poses import Stamp, seconds, stamp_of
 from graspcast.ros.problems import Problems
-from graspcast.ros.settings import STATIC, Settings
+from graspcast.ros.settings import SINGLE, Settings
 from graspcast.ros.synchroniser import Synchronised, Synchroniser
 from graspcast.ros.transform_buffer import TransformBuffer, TransformNotYetError
 from graspcast.runtime.answer import Answer
 from graspcast.runtime.frame import Frame
 from graspcast.runtime.watcher import Watcher
 
-__all__ = ["Judged", "StreamJudge"]
+__all__ = ["Image", "Judged", "StreamJudge"]
 
 _BACKWARDS_NS = 10_000_000_000
 """A stamp so much older than the latest one: the clock was set back, or a bag restarted."""
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """One image before it is judged.
+
+    Attributes
+    ----------
+    stamp
+        Of the image, nanoseconds.
+    frame
+        What estimators found; None where it cannot be judged.
+    missing
+        Estimators that sent nothing in time.
+    problems
+        What was left out.
+    """
+
+    stamp: Stamp
+    frame: Frame | None
+    missing: Sequence[str]
+    problems: Problems
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,15 +63,12 @@ class Judged:
         Estimators that sent nothing in time.
     problems
         What was left out.
-    frame
-        What was judged.
     """
 
     stamp: Stamp
     answer: Answer | None
     missing: Sequence[str] = ()
     problems: Problems = field(default_factory=Problems)
-    frame: Frame | None = None
 
 
 class StreamJudge:
@@ -147,26 +166,49 @@ class StreamJudge:
 
     def due(self, now: Stamp) -> list[Judged]:
         """Judge the images that are complete or have waited long enough, by stamp."""
+        return self.judge(self.ready(now))
+
+    def rest(self) -> list[Judged]:
+        """Judge all that still waits, as at the end of a bag."""
+        return self.judge(self.left())
+
+    def ready(self, now: Stamp) -> list[Image]:
+        """Return the images that :meth:`due` would judge, each once, for :meth:`judge`."""
         self._waiting += self._synchroniser.due(now)
         out = []
         while self._waiting:
             first = self._waiting[0]
             late = now - first.arrived >= 2 * round(self.settings.timeout_s * 1e9)
-            judged = self._judge(first, final=late)
-            if judged is None:
+            image = self._image(first, final=late)
+            if image is None:
                 break
-            out.append(judged)
+            out.append(image)
             del self._waiting[0]
         return out
 
-    def rest(self) -> list[Judged]:
-        """Judge all that still waits, as at the end of a bag."""
+    def left(self) -> list[Image]:
+        """Return the images that :meth:`rest` would judge, for :meth:`judge`."""
         waiting = [*self._waiting, *self._synchroniser.rest()]
         self._waiting = []
-        return [judged for one in waiting if (judged := self._judge(one, final=True)) is not None]
+        return [image for one in waiting if (image := self._image(one, final=True)) is not None]
 
-    def _judge(self, found: Synchronised, *, final: bool) -> Judged | None:
-        """Judge one image; None where a transform may still come."""
+    def judge(self, images: Sequence[Image]) -> list[Judged]:
+        """Judge images; many single ones at once take less time each."""
+        answers = self._answers([image.frame for image in images if image.frame is not None])
+        out = []
+        for image in images:
+            answer = next(answers) if image.frame is not None else None
+            if isinstance(answer, GraspcastError):
+                image.problems.add("frame that could not be judged", str(answer))
+                answer = None
+            self._problems.update(image.problems)
+            self.frames += 1
+            self.judged += answer is not None
+            out.append(Judged(image.stamp, answer, image.missing, image.problems))
+        return out
+
+    def _image(self, found: Synchronised, *, final: bool) -> Image | None:
+        """Return an image's frame; None where a transform may still come."""
         try:
             frame, problems = frame_of(
                 found.messages,
@@ -182,24 +224,24 @@ class StreamJudge:
         for name in missing:
             stamp = f"at {seconds(found.stamp):.3f} s"
             self._problems.add(f"image without a message by {name}", stamp)
-        answer = None
-        if frame is not None:
-            answer = self._answer(frame, problems)
-        self._problems.update(problems)
-        self.frames += 1
-        self.judged += answer is not None
-        if answer is not None and self.settings.episodes == STATIC:
-            self._episode = answer.episode
-        return Judged(found.stamp, answer, missing, problems, frame)
+        return Image(found.stamp, frame, missing, problems)
 
-    def _answer(self, frame: Frame, problems: Problems) -> Answer | None:
-        """Return the watcher's answer; None where it cannot judge the frame."""
-        try:
+    def _answers(self, frames: Sequence[Frame]) -> Iterator[Answer | GraspcastError]:
+        """Yield the watcher's answers: all at once, or look by look."""
+        if self.settings.episodes == SINGLE:
+            yield from self._watcher.judge_all(frames) if frames else ()
+            return
+        for frame in frames:
             try:
-                return self._watcher.judge(frame, episode=self._episode)
-            except UnknownEpisodeError:
-                self._problems.add("scene that expired: a new one begins")
-                return self._watcher.judge(frame)
-        except GraspcastError as error:
-            problems.add("frame that could not be judged", str(error))
-            return None
+                answer = self._look(frame)
+                self._episode = answer.episode
+                yield answer
+            except GraspcastError as error:
+                yield error
+
+    def _look(self, frame: Frame) -> Answer:
+        try:
+            return self._watcher.judge(frame, episode=self._episode)
+        except UnknownEpisodeError:
+            self._problems.add("scene that expired: a new one begins")
+            return self._watcher.judge(frame)
