@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 
 from graspcast.attempt_log import DecisionRecord, FrameRecord
+from graspcast.guarantees.certificate import Certificate
+from graspcast.guarantees.certify import certify
 
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
@@ -50,3 +53,20 @@ def frame(number: int = 0, *decisions: DecisionRecord, **changed: Any) -> FrameR
         "time_utc": NOON,
     }
     return FrameRecord(**(values | changed))
+
+
+def certified(rate: float = 0.9, **provenance: Any) -> Certificate:
+    """Return a certificate, overall and of ycbv-5 and ycbv-6, with the threshold 0.8."""
+    n = np.arange(160)
+    objects = np.array(["ycbv-5", "ycbv-6"])[n % 2]
+    made = certify(
+        np.full(160, 0.9),
+        n >= 0,
+        n // 2,
+        objects=objects,
+        rate=rate,
+        confidence=0.9,
+        provenance=provenance,
+    )
+    guarantees = tuple(replace(g, threshold=0.8, reported_threshold=0.8) for g in made.guarantees)
+    return replace(made, guarantees=guarantees)

@@ -19,11 +19,18 @@ def empty():
     [("success", 2), ("success", None), ("digest", b"short"), ("decision", None)],
 )
 def test_values_that_cannot_be_are_refused(empty, column, value):
-    row = {"decision": 1, "success": 1, "time_utc": "", "digest": bytes(32), "chain": bytes(32)}
+    row = {
+        "decision": 1,
+        "decisions": 1,
+        "success": 1,
+        "time_utc": "",
+        "digest": bytes(32),
+        "chain": bytes(32),
+    }
     row[column] = value
     with pytest.raises(sqlite3.IntegrityError):
         empty.execute(
-            f"INSERT INTO outcome ({', '.join(row)}) VALUES (?, ?, ?, ?, ?)", tuple(row.values())
+            f"INSERT INTO outcome ({', '.join(row)}) VALUES (?, ?, ?, ?, ?, ?)", tuple(row.values())
         )
 
 

@@ -26,7 +26,7 @@ def test_expectation_agrees_with_what_the_next_look_brings(given: Training, fore
     one = fused(given.results, given.models, given.motion, 1)
     two = fused(given.results, given.models, given.motion, 2)
     rows = np.arange(len(one))
-    looks = looks_for(forecaster, one, rows, fusion_statistics(one), motion=given.motion)
+    looks = looks_for(forecaster, one, rows, fusion_statistics(one), world=given.motion.world_T_cam)
     expected = np.array([look.expected_probability for look in looks])
     after = forecaster.judge(two, given.models, guide="fused")
     found = np.array([row.verdict.probability for row in after])

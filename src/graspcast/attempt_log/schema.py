@@ -66,6 +66,7 @@ TABLES = {
     "outcome": """CREATE TABLE outcome (
   seq INTEGER PRIMARY KEY,
   decision INTEGER NOT NULL UNIQUE REFERENCES decision (seq),
+  decisions INTEGER NOT NULL CHECK (decisions >= decision),
   success INTEGER NOT NULL CHECK (success IN (0, 1)),
   reason TEXT,
   time_utc TEXT NOT NULL,
@@ -77,7 +78,8 @@ TABLES = {
 
 Matrices are little-endian float64, row by row. Each table's ``seq`` counts from 1 without gaps, in
 the order of commits. ``digest`` is the SHA-256 of what the row holds (a frame's with its estimates
-and decisions), ``chain`` that of the chain before it and of the digest.
+and decisions), ``chain`` that of the chain before it and of the digest. ``outcome.decisions`` is
+the last decision that was there when the outcome came.
 """
 
 _INDICES = (

@@ -28,7 +28,9 @@ def _insert(table: str, *columns: str) -> str:
 _FRAME = _insert("frame", *FRAME_COLUMNS, "digest", "chain")
 _ESTIMATE = _insert("estimate", "frame", *ESTIMATE_COLUMNS)
 _DECISION = _insert("decision", "frame", *DECISION_COLUMNS)
-_OUTCOME = _insert("outcome", "decision", "success", "reason", "time_utc", "digest", "chain")
+_OUTCOME = _insert(
+    "outcome", "decision", "decisions", "success", "reason", "time_utc", "digest", "chain"
+)
 
 
 def insert_frame(connection: sqlite3.Connection, record: FrameRecord) -> bool:
@@ -98,9 +100,10 @@ def insert_outcome(connection: sqlite3.Connection, record: OutcomeRecord) -> boo
             "Outcomes are not changed",
             parameters=("decision_id", "success"),
         )
-    digest = digest_of((record.decision_id, *row))
+    there = connection.execute("SELECT max(seq) FROM decision").fetchone()[0]
+    digest = digest_of((record.decision_id, there, *row))
     chain = chained(_last_chain(connection, "outcome"), digest)
-    connection.execute(_OUTCOME, (number, *row, digest, chain))
+    connection.execute(_OUTCOME, (number, there, *row, digest, chain))
     return True
 
 

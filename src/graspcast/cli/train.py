@@ -25,6 +25,7 @@ from graspcast.io.wording import counted
 if TYPE_CHECKING:
     from graspcast.estimates.loading import Inputs
     from graspcast.forecasting.forecaster import Forecaster
+    from graspcast.forecasting.model_card import ModelCard
     from graspcast.forecasting.training_data import TrainingData
     from graspcast.io.progress import Progress
 
@@ -161,7 +162,6 @@ def _train(options: argparse.Namespace) -> None:
     from graspcast.forecasting.models.blend import ForestSettings
     from graspcast.forecasting.models.mlp.ensemble import NetworkSettings
     from graspcast.forecasting.models.mlp.types import MlpSettings
-    from graspcast.forecasting.one_estimator import ALONE
     from graspcast.forecasting.train import fit_forecaster
     from graspcast.simulation.grasps.table import read_grasps
 
@@ -206,14 +206,21 @@ def _train(options: argparse.Namespace) -> None:
     forecaster.save(options.out)
     note(*(f"Warning: {text}." for text in card.warnings), _carried(forecaster, options.grasps))
     write_json(options.json, {"card": card.as_dict()})
+    print_text(f"{options.out}: {_summary(card, views=data.views is not None)}")
+
+
+def _summary(card: ModelCard, *, views: bool) -> str:
+    """Say for what a model was trained, and on how much."""
+    from graspcast.forecasting.one_estimator import ALONE
+
     simulated = f" ({len(card.simulated)} by simulation alone)" if card.simulated else ""
     grasps = f" with {counted(len(card.targets), 'grasp')}" if card.grasps else ""
     together = f" with {', '.join(card.supporters)}" if card.supporters else " alone"
     seen = ", one view" if card.method == ALONE else ""
-    seen = ", one or more views" if data.views is not None else seen
+    seen = ", one or more views" if views else seen
     more = "".join(f", {n} of {name}" for name, n in card.learned_from.items())
-    print_text(
-        f"{options.out}: {options.principal}{together}{seen}, {options.gripper} gripper, "
+    return (
+        f"{card.principal}{together}{seen}, {card.gripper} gripper, "
         f"{counted(len(card.objects), 'object')}{simulated}{grasps}, "
         f"{counted(card.samples, 'sample')}{more}"
     )

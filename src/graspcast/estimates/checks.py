@@ -29,6 +29,7 @@ __all__ = [
     "check_shapes",
     "copied",
     "diameters",
+    "impossible",
     "no_estimate_by",
     "none_in_common",
     "problems_by_key",
@@ -152,6 +153,15 @@ def sane_rows(
         list(map(problems_by_key, tables, problems)),
         tuple(filter(None, map(refused, results, tables, problems))),
     )
+
+
+def impossible(
+    cam_T_obj: Float[ndarray, "n 4 4"], keys: Instances, models: Mapping[str, Models] | None
+) -> list[str]:
+    """Say how many fused poses cannot be, which the other verbs will refuse, or nothing."""
+    sizes = diameters(keys.dataset.tolist(), keys.obj_id.tolist(), models)
+    bad = [text for text in pose_problems(cam_T_obj, sizes) if text]
+    return [f"{len(bad)} fused poses cannot be: one {bad[0]}"] if bad else []
 
 
 def problems_by_key(results: Results, problems: list[str]) -> dict[tuple[int, int, int], str]:

@@ -132,7 +132,7 @@ class Episodes:
         guarantee: str | None = None,
         certificate: Certificate | None = None,
     ):
-        self._options = decision_options(
+        self.decision_options = decision_options(
             forecaster,
             threshold=threshold,
             guide=guide,
@@ -148,8 +148,8 @@ class Episodes:
         self.max_looks, self.max_views = int(max_looks), int(max_views)
         self._noise, self._certified = noise, certificate is not None
         # Whose estimates are the instances: the guide's, or those of one that may guide.
-        names = (self._options["guide"], *forecaster.guides, *forecaster.card.estimators)
-        self._order = [n for n in dict.fromkeys(names) if n in forecaster.card.estimators]
+        names = (self.decision_options["guide"], *forecaster.guides, *forecaster.card.estimators)
+        self.order = tuple(n for n in dict.fromkeys(names) if n in forecaster.card.estimators)
         self._lock = Lock()
         self._looks: tuple[Look, ...] = ()
         self._tracks, self._count = Tracks(), 0
@@ -227,7 +227,7 @@ class Episodes:
             looks = (*self._looks, look)[-_KEPT:]
             fused = fuse_looks_by(
                 looks,
-                self._order,
+                self.order,
                 dataset=self.dataset,
                 models=self.models,
                 noise=self._noise,
@@ -252,7 +252,7 @@ class Episodes:
         numbers, doubts = tracks.follow(fused, world_T_cam, self.models)
         left_out = fused.gathered.single_views() if count > 1 else []
         if self.forecaster.view_model is None:
-            several = count > 1 or self._options["guide"] == FUSED
+            several = count > 1 or self.decision_options["guide"] == FUSED
             left_out = [ONE_VIEW] if several else []
         shared = tuple(dict.fromkeys((*fused.notes, *left_out)))
         out = []
@@ -279,6 +279,7 @@ class Episodes:
     ) -> list[VerdictRow]:
         keys, known = fused.instances, set(self.forecaster.card.objects)
         if not known.intersection(keys.objects.tolist()):
+            own = fused.gathered.view_T_obj[:, 0, fused.estimators.index(fused.principal)]
             return [
                 VerdictRow(
                     key,
@@ -287,7 +288,7 @@ class Episodes:
                     Verdict(False, None, f"the model was not trained for {key.object}"),
                     pose,
                 )
-                for key, pose in zip(keys.to_keys(), fused.poses.cam_T_obj, strict=True)
+                for key, pose in zip(keys.to_keys(), own, strict=True)
             ]
         motion = None
         if look.world_T_cam is not None:
@@ -302,5 +303,5 @@ class Episodes:
             motion=motion,
             seen=seen,
             reachable=reachable,
-            **self._options,
+            **self.decision_options,
         )

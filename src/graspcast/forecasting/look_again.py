@@ -21,7 +21,7 @@ from graspcast.forecasting.models.blend import Blend
 from graspcast.forecasting.models.calibration import calibrated
 from graspcast.pose.ray_frame import error_along, obj_R_ray, ray_frame
 from graspcast.pose.transforms import norms
-from graspcast.views.camera_motion import CameraMotion, CameraNoise
+from graspcast.views.camera_motion import CameraNoise
 from graspcast.views.fused_estimates import FusedEstimates
 from graspcast.views.next_look import NextLook, further_view, next_looks
 
@@ -42,7 +42,7 @@ def looks_for(
     statistics: Float[ndarray, "m d"],
     grasps: Sequence[str] | None = None,
     *,
-    motion: CameraMotion | None = None,
+    world: Mapping[tuple[int, int], Float[ndarray, "4 4"]] | None = None,
     noise: CameraNoise | None = None,
 ) -> list[NextLook]:
     """Return from where to look next at some instances, with the expected probability after it.
@@ -59,23 +59,25 @@ def looks_for(
         Of their fusions.
     grasps
         Names of the grasps; the reference grasps if None.
-    motion
-        Camera poses, for directions in the world's frame.
+    world
+        Scene and image to the camera's pose in the world, metres, for directions in its frame.
     noise
         Of the camera motion to the next look.
     """
     poses, gathered = fused.poses, fused.gathered
     keys = fused.instances.select(rows)
-    images = list(zip(keys.scene_id.tolist(), keys.im_id.tolist(), strict=True))
-    world: Mapping[tuple[int, int], ndarray] = {} if motion is None else motion.world_T_cam
-    known = all(image in world for image in images) and len(images) > 0
+    images = zip(keys.scene_id.tolist(), keys.im_id.tolist(), strict=True)
+    cameras = [(world or {}).get(image) for image in images]
     found = next_looks(
         poses.cam_T_obj[rows],
         poses.covariance[rows],
         cam_T_view=gathered.cam_T_view[rows],
         seen=gathered.present[rows].any(axis=2),
-        world_T_cam=np.stack([world[image] for image in images]) if known else None,
     )
+    found = [
+        look if camera is None else replace(look, direction_world=camera[:3, :3] @ look.direction)
+        for look, camera in zip(found, cameras, strict=True)
+    ]
     if forecaster.view_model is None:
         return found
     direction = np.stack([look.direction for look in found]) if found else np.empty((0, 3))

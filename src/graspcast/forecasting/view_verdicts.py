@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -31,7 +31,7 @@ from graspcast.views.statistics import fusion_statistics
 if TYPE_CHECKING:
     from graspcast.forecasting.forecaster import Forecaster
 
-__all__ = ["BEST", "FUSED", "judge"]
+__all__ = ["BEST", "FUSED", "judge", "with_further_looks"]
 
 FUSED = "fused"
 """The guide that is no estimator: the fused pose."""
@@ -123,8 +123,37 @@ def judge(
         found = frame.single(threshold=threshold, **options)
         rows |= dict(zip(alone.tolist(), found, strict=True))
     out = [rows[i] for i in range(len(fused))]
+    world = {} if motion is None else motion.world_T_cam
     if max_looks > 1 and threshold is not None:
-        frame.look_again(out, max_looks, min_gain, motion=motion, noise=noise)
+        frame.look_again(out, max_looks, min_gain, world=world, noise=noise)
+    return out
+
+
+def with_further_looks(
+    forecaster: Forecaster,
+    fused: FusedEstimates,
+    rows: Sequence[VerdictRow],
+    models: Mapping[str, Models] | None = None,
+    *,
+    guide: str | None = None,
+    max_looks: int,
+    min_gain: float = MIN_GAIN,
+    world: Mapping[tuple[int, int], Float[ndarray, "4 4"]],
+    noise: CameraNoise | None = None,
+) -> list[VerdictRow]:
+    """Return verdicts with, where :func:`judge` would say so, the advice to look again.
+
+    Parameters
+    ----------
+    forecaster, fused, models, guide, max_looks, min_gain, noise
+        As for :func:`judge`.
+    rows
+        The verdicts on ``fused.instances`` without that advice.
+    world
+        Scene and image to the camera's pose in the world, metres, where it is known.
+    """
+    out, frame = list(rows), _Frame.of(forecaster, fused, models or {}, guide)
+    frame.look_again(out, max_looks, min_gain, world=world, noise=noise)
     return out
 
 
@@ -255,7 +284,7 @@ class _Frame:
         max_looks: int,
         min_gain: float,
         *,
-        motion: CameraMotion | None,
+        world: Mapping[tuple[int, int], Float[ndarray, "4 4"]],
         noise: CameraNoise | None,
     ) -> None:
         """Replace, where a further look is allowed and pays, abstaining by looking again."""
@@ -268,9 +297,8 @@ class _Frame:
         asked = np.flatnonzero(waits & known & (taken < max_looks))
         if not len(asked):
             return
-        given = (forecaster, fused, asked, self.statistics[asked])
-        grasps = [rows[i].grasp for i in asked.tolist()]
-        looks = looks_for(*given, grasps, motion=motion, noise=noise)
+        given = forecaster, fused, asked, self.statistics[asked], [rows[i].grasp for i in asked]
+        looks = looks_for(*given, world=world, noise=noise)
         for i, look in zip(asked.tolist(), looks, strict=True):
             verdict, expected = rows[i].verdict, look.expected_probability
             if verdict.probability is None or expected is None:
@@ -338,7 +366,7 @@ class _Frame:
                 name, there = first, gathered.present[i, 0]
                 missing = [e for e, t in zip(fused.estimators, there, strict=True) if not t]
                 verdict = Verdict(False, None, no_estimate_by(missing, {}))
-            if not (alone and verdict.probability is not None):
+            if keys[j].object in known and not (alone and verdict.probability is not None):
                 verdict = replace(verdict, reason=f"{verdict.reason}; one view")
             k = fused.estimators.index(name)
             est_id = int(gathered.est_id[i, k])

@@ -23,7 +23,7 @@ from graspcast.io.artefacts import read_artefact, write_artefact
 from graspcast.io.hashing import sha256, sha256_of_file
 from graspcast.io.json import require
 
-__all__ = ["MonitorState"]
+__all__ = ["DEFAULT_ALPHA", "MonitorState", "another_guarantee", "check_settings"]
 
 # Columns of the attempt log, and what the certificate states of them: the first that there is.
 _KEPT = {
@@ -33,7 +33,8 @@ _KEPT = {
     "dataset": ("datasets",),
 }
 
-_DEFAULT_ALPHA = 0.05
+DEFAULT_ALPHA = 0.05
+"""Probability of ever raising a false alarm, where none is asked for."""
 
 
 @dataclass
@@ -98,30 +99,25 @@ class MonitorState:
         path = Path(path)
         digest = sha256_of_file(certificate)
         if not path.exists():
-            alpha = _DEFAULT_ALPHA if alpha is None else alpha
+            alpha = DEFAULT_ALPHA if alpha is None else alpha
             monitor = DriftMonitor(guarantee.rate, alpha, max_attempts_per_unit)
             return cls(path, monitor, digest, guarantee.scope)
         state = cls._load(path)
         if (state.certificate, state.scope) != (digest, guarantee.scope):
-            raise MismatchError(
-                f"{path}: is the state of another guarantee ({state.scope}); use a state of its "
-                "own for each",
-                parameters=("state",),
-            )
-        settings = {"alpha": alpha, "max_attempts_per_unit": max_attempts_per_unit}
-        for name, wanted in settings.items():
-            if wanted is not None and wanted != getattr(state.monitor, name):
-                raise MismatchError(
-                    f"{path}: was made with {name} {getattr(state.monitor, name)}, not {wanted}; "
-                    "leave it out, or start a new state",
-                    parameters=(name, "state"),
-                )
+            raise another_guarantee(path, state.scope)
+        check_settings(path, state.monitor, alpha, max_attempts_per_unit)
         return state
 
     @classmethod
     def _load(cls, path: Path) -> MonitorState:
         content = read_artefact(path, "start a new state", parameters=("state",))
         monitor = DriftMonitor.from_dict(require(content, "monitor", path, "top level"), path)
+        if "outcomes_read" in content:
+            raise MismatchError(
+                f"{path}: is the state of a monitor of an attempt log, not of a table; start a new "
+                "one",
+                parameters=("state", "attempt_log"),
+            )
         names = ("certificate", "scope", "rows_read", "rows_digest")
         found = {name: require(content, name, path, "top level") for name in names}
         if type(found["rows_read"]) is not int or found["rows_read"] < 0:
@@ -188,6 +184,34 @@ class MonitorState:
             "rows_digest": self.rows_digest,
         }
         write_artefact(self.path, content)
+
+
+def another_guarantee(path: Path, scope: str) -> MismatchError:
+    """Return the error that a state is of another guarantee, whose scope it names."""
+    return MismatchError(
+        f"{path}: is the state of another guarantee ({scope}); use a state of its own for each",
+        parameters=("state",),
+    )
+
+
+def check_settings(
+    path: Path, monitor: DriftMonitor, alpha: float | None, max_attempts_per_unit: int | None
+) -> None:
+    """Check that a monitor that was read has the settings that are wanted; None is any.
+
+    Raises
+    ------
+    MismatchError
+        Naming the setting.
+    """
+    settings = {"alpha": alpha, "max_attempts_per_unit": max_attempts_per_unit}
+    for name, wanted in settings.items():
+        if wanted is not None and wanted != getattr(monitor, name):
+            raise MismatchError(
+                f"{path}: was made with {name} {getattr(monitor, name)}, not {wanted}; leave it "
+                "out, or start a new state",
+                parameters=(name, "state"),
+            )
 
 
 def _digest(frame: pl.DataFrame) -> str:

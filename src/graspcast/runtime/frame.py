@@ -158,6 +158,14 @@ class Frame:
         names = {e.object_name for found in self.estimates.values() for e in found}
         return tuple(sorted({split_object_name(name)[0] for name in names}))
 
+    def reachable_of(self, object_name: str, known: Collection[str]) -> Collection[str]:
+        """Return which of an object's known grasps can be reached."""
+        if self.reachable is None:
+            return known
+        if isinstance(self.reachable, Mapping):
+            return self.reachable.get(object_name, known)
+        return [name for name in known if name in self.reachable]
+
     def results(self, dataset: str, estimators: Sequence[str]) -> dict[str, Results]:
         """Return the estimates of one dataset's objects as each estimator's results."""
         return {name: self._results(dataset, name) for name in estimators}

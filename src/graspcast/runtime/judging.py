@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -15,6 +16,7 @@ from graspcast.forecasting.episode_verdict import EpisodeVerdict
 from graspcast.forecasting.episodes import Episodes
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.grasp_ranking import Reachable
+from graspcast.runtime.first_looks import Batch, Deciding
 from graspcast.runtime.frame import Frame
 
 __all__ = ["Judge"]
@@ -47,7 +49,10 @@ class Judge:
         self.models = carried if models is None else models
         self._grasps = {} if known is None else known.grasps
         _check_objects(forecaster, self.models)
-        self.episodes(split_object_name(forecaster.card.objects[0])[0])
+        one = self.episodes(split_object_name(forecaster.card.objects[0])[0])
+        self._deciding = Deciding(
+            forecaster, self.models, one.order, one.decision_options, one.max_looks
+        )
 
     def warm_up(self) -> None:
         """Load what the first verdict would wait for."""
@@ -82,18 +87,28 @@ class Judge:
 
     def _reachable(self, frame: Frame) -> Reachable | None:
         """Return what can be reached, as forecasters take it."""
-        reached, card = frame.reachable, self.forecaster.card
-        if not isinstance(reached, Mapping):
-            return reached
-        by_name = dict(reached)
-        return lambda key: by_name.get(key.object, card.grasps_of(key.object))
+        if frame.reachable is None:
+            return None
+        card = self.forecaster.card
+        return lambda key: frame.reachable_of(key.object, card.grasps_of(key.object))
 
     def first_looks(
         self, frames: Sequence[Frame], dataset: str
     ) -> list[list[EpisodeVerdict] | GraspcastError]:
         """Judge the first looks at several scenes; each has its verdicts or its error."""
+        batch = Batch(self._deciding, frames, dataset)
+        odd, refusals = batch.odd(), batch.refusals()
         out: list[list[EpisodeVerdict] | GraspcastError] = []
-        for frame in frames:
+        good = ~odd
+        good[list(refusals)] = False
+        try:
+            found = batch.verdicts(good)
+        except GraspcastError:  # of which frame it is, is seen where each is alone
+            odd, found = np.ones(len(frames), dtype=bool), [[] for _ in frames]
+        for i, frame in enumerate(frames):
+            if not odd[i]:
+                out.append(refusals.get(i, found[i]))
+                continue
             try:
                 out.append(self.look(self.episodes(dataset), frame))
             except GraspcastError as error:

@@ -346,10 +346,11 @@ def _better(
     """Return the verdicts with those of a further model where only that one has a forecast."""
     if isinstance(found, GraspcastError) or isinstance(other, GraspcastError):
         return found
-    forecast = {v.row.key: v for v in other if v.row is not None and v.probability is not None}
+    # All of one frame, so object and rank by score are enough.
+    forecast = {v.row.key[3:]: v for v in other if v.row is not None and v.probability is not None}
     out = []
     for verdict in found:
-        key = None if verdict.row is None else verdict.row.key
+        key = None if verdict.row is None else verdict.row.key[3:]
         better = forecast.get(key) if verdict.probability is None and key is not None else None
         out.append(verdict if better is None else replace(better, instance=verdict.instance))
     return out

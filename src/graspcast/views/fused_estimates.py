@@ -15,7 +15,7 @@ from graspcast.bop.results import Results
 from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.alignment import align, estimate_ids
 from graspcast.estimates.checks import (
-    diameters,
+    impossible,
     refuse_conventions,
     refuse_copies,
     sane_rows,
@@ -40,11 +40,12 @@ __all__ = [
     "check_estimators",
     "checked_estimates",
     "fuse_estimates",
+    "fuse_gathered",
     "fuse_sane",
     "view_rules",
 ]
 
-_HALF_SCORE_M = 0.01
+_HALF_SCORE_M, _NONE = 0.01, np.eye(4)[None]
 _CONTRADICT = ("that contradicts", "that contradict")
 
 
@@ -329,21 +330,45 @@ def fuse_sane(
     notes: Sequence[str] = (),
 ) -> FusedEstimates:
     """Gather and fuse estimates that have passed all checks; see :func:`fuse_estimates`."""
-    names, symmetries = tuple(sane), _symmetries(dataset, models)
+    symmetries = _symmetries(dataset, models)
     gathered = gather(sane, motion, dataset, principal, spreads, symmetries, rules)
+    return fuse_gathered(
+        gathered,
+        spreads,
+        names=tuple(sane),
+        dataset=dataset,
+        principal=principal,
+        models=models,
+        notes=notes,
+        own_image_stays=isinstance(motion, ObjectMotion) and motion.estimated,
+    )
+
+
+def fuse_gathered(
+    gathered: Gathered,
+    spreads: Spreads,
+    *,
+    names: tuple[str, ...],
+    dataset: str,
+    principal: str,
+    models: Mapping[str, Models] | None,
+    notes: Sequence[str] = (),
+    own_image_stays: bool = False,
+) -> FusedEstimates:
+    """Fuse estimates that were gathered from views."""
+    keys, symmetries = gathered.instances, _symmetries(dataset, models)
     poses = fuse_poses(
         gathered.view_T_obj,
         gathered.cam_T_view,
         gathered.present,
-        spreads.table(names, gathered.instances.objects),
+        spreads.table(names, keys.objects),
         noise=gathered.noise,
         motion_covariance=gathered.motion_covariance,
-        symmetries=[symmetries.get(o, _NONE) for o in gathered.instances.obj_id.tolist()],
+        symmetries=[symmetries.get(o, _NONE) for o in keys.obj_id.tolist()],
         principal=names.index(principal),
-        own_image_stays=isinstance(motion, ObjectMotion) and motion.estimated,
+        own_image_stays=own_image_stays,
     )
-    found = _impossible(poses, gathered.instances, dataset, models)
-    keys = gathered.instances
+    found = impossible(poses.cam_T_obj, keys, models)
     return FusedEstimates(names, principal, keys, poses, gathered, (*notes, *found))
 
 
@@ -363,9 +388,6 @@ def check_estimators(
         refuse_conventions(common.estimators, common.cam_T_obj, common.obj_id, mine)
 
 
-_NONE = np.eye(4)[None]
-
-
 def _any(entries: Bool[ndarray, "n v k"]) -> Bool[ndarray, "n v"]:
     """Return which views have an entry."""
     return np.asarray(entries.any(axis=2))
@@ -374,14 +396,3 @@ def _any(entries: Bool[ndarray, "n v k"]) -> Bool[ndarray, "n v"]:
 def _symmetries(dataset: str, models: Mapping[str, Models] | None) -> dict[int, ndarray]:
     mine = models[dataset].info if models and dataset in models else {}
     return {obj_id: info.symmetries for obj_id, info in mine.items()}
-
-
-def _impossible(
-    poses: FusedPoses, keys: Instances, dataset: str, models: Mapping[str, Models] | None
-) -> list[str]:
-    """Say how many fused poses cannot be, which the other verbs will refuse."""
-    from graspcast.pose.sanity import pose_problems
-
-    sizes = diameters([dataset] * len(keys), keys.obj_id.tolist(), models)
-    bad = [text for text in pose_problems(poses.cam_T_obj, sizes) if text]
-    return [f"{len(bad)} fused poses cannot be: one {bad[0]}"] if bad else []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -75,6 +75,12 @@ class Gathered:
     doubtful: Int[ndarray, " n"]
     single: Mapping[str, int] = field(default_factory=dict)
     left_out: Mapping[str, int] = field(default_factory=dict)
+
+    def select(self, which: Bool[ndarray, " n"] | Int[ndarray, " m"]) -> Gathered:
+        """Return some of the instances, by mask or by number."""
+        names = [f.name for f in fields(self) if f.name not in ("instances", "single", "left_out")]
+        columns = {name: getattr(self, name)[which] for name in names}
+        return Gathered(instances=self.instances.select(which), **columns)
 
     def single_views(self) -> list[str]:
         """Say why instances have one view only, and how many views were left out in doubt."""
