@@ -33,6 +33,7 @@ from graspcast.cli import (
     propose_grasps,
     render,
     reproduce,
+    rosbag,
     score,
     serve,
     simulate,
@@ -82,6 +83,7 @@ _VERBS = (
     watch,
     view,
     overlay,
+    rosbag,
     import_release,
 )
 

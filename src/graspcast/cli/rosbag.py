@@ -1,0 +1,169 @@
+"""The verb ``rosbag``: verdicts on the estimates in a bag of ROS."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from graspcast.cli.console import note, print_text, progress_bar
+from graspcast.cli.options import Verbs, new_verb, positive, share
+from graspcast.io.wording import counted
+
+__all__ = ["add"]
+
+
+def add(verbs: Verbs) -> None:
+    """Add the verb ``rosbag``."""
+    verb = new_verb(
+        verbs,
+        "rosbag",
+        _rosbag,
+        "verdicts on the estimates in a bag of ROS",
+        "Read a bag of ROS 1 (.bag) or ROS 2 (.db3, .mcap, or a directory) and write one with all\n"
+        "its messages and the verdicts on its frames, on two topics: PREFIX/verdicts\n"
+        "(graspcast_msgs/VerdictArray) and PREFIX/detections (vision_msgs/Detection3DArray, whose\n"
+        "scores are the probability of success). ROS need not be installed. OUT's name chooses\n"
+        "the format; a directory gets that of the bag that is read. What is no sane estimate is\n"
+        "never attempted; what was left out is counted.",
+    )
+    verb.add_argument("bag", metavar="BAG", type=Path, help="the bag to read")
+    verb.add_argument("target", metavar="OUT", type=Path, help="the bag to write")
+    verb.add_argument(
+        "--model",
+        metavar="PATH",
+        type=Path,
+        action="append",
+        required=True,
+        help="from train; further ones, trained with fewer estimators, serve where one is missing",
+    )
+    verb.add_argument(
+        "--estimates",
+        dest="topics",
+        metavar="NAME=TOPIC",
+        action="append",
+        required=True,
+        help="an estimator of the model, and the topic of its vision_msgs/Detection3DArray",
+    )
+    verb.add_argument(
+        "--objects",
+        metavar="CLASS=OBJECT",
+        action="append",
+        default=[],
+        help="the object of a class of the detections (mustard=ycbv-5); objects' own names need "
+        "none",
+    )
+    _add_frames(verb)
+    verb.add_argument(
+        "--threshold",
+        metavar="P",
+        type=share,
+        help="attempt at this probability or above it (default: 0.5)",
+    )
+    verb.add_argument(
+        "--certificate",
+        metavar="PATH",
+        type=Path,
+        action="append",
+        default=[],
+        help="from certify: its threshold instead; one for each model",
+    )
+    verb.add_argument(
+        "--guide",
+        metavar="NAME",
+        help="whose pose guides: an estimator, fused or best (default: the model's principal)",
+    )
+    verb.add_argument(
+        "--max-looks",
+        metavar="N",
+        type=positive,
+        default=3,
+        help="looks at one scene after which looking again is never advised (default: 3)",
+    )
+    verb.add_argument(
+        "--prefix",
+        metavar="TOPIC",
+        default="/graspcast",
+        help="of the topics that are added (default: /graspcast)",
+    )
+
+
+def _add_frames(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument(
+        "--camera-frame",
+        metavar="FRAME",
+        required=True,
+        help="the camera's optical frame (x right, y down, z forward); detections in another "
+        "frame are transformed by /tf and /tf_static",
+    )
+    verb.add_argument(
+        "--world-frame",
+        metavar="FRAME",
+        help="a frame that stands still: the camera's pose in it is looked up (default: none)",
+    )
+    verb.add_argument(
+        "--episodes",
+        choices=("single", "static"),
+        default="single",
+        help="single: each frame is judged by itself; static: all are looks at one scene that "
+        "stands still, which needs --world-frame (default: single)",
+    )
+    verb.add_argument(
+        "--tolerance-s",
+        metavar="S",
+        type=float,
+        default=0.02,
+        help="largest difference of the stamps of one image, seconds; less than half the time "
+        "between two images (default: 0.02)",
+    )
+    verb.add_argument(
+        "--timeout-s",
+        metavar="S",
+        type=float,
+        default=0.5,
+        help="how long an image waits for estimators that are missing, in the bag's time, seconds "
+        "(default: 0.5)",
+    )
+
+
+def _rosbag(options: argparse.Namespace) -> None:
+    from graspcast.guarantees.certificate import Certificate
+    from graspcast.ros.bag_types import require_rosbags
+    from graspcast.ros.conversion import convert_bag
+    from graspcast.ros.parameters import pairs
+    from graspcast.ros.settings import Settings
+    from graspcast.runtime.watcher import Watcher
+
+    require_rosbags()
+    settings = Settings(
+        camera_frame=options.camera_frame,
+        world_frame=options.world_frame,
+        objects=pairs(options.objects, "objects", "CLASS=OBJECT"),
+        tolerance_s=options.tolerance_s,
+        timeout_s=options.timeout_s,
+        episodes=options.episodes,
+    )
+    topics = pairs(options.topics, "estimates")
+    certificates = [Certificate.load(path) for path in options.certificate]
+    watcher = Watcher.load(
+        *options.model,
+        threshold=options.threshold,
+        certificate=certificates or None,
+        guide=options.guide,
+        max_looks=options.max_looks,
+    )
+    with progress_bar("messages") as move:
+        done = convert_bag(
+            options.bag,
+            options.target,
+            watcher,
+            topics,
+            settings,
+            prefix=options.prefix,
+            progress=move,
+        )
+    note(*done.problems.lines())
+    actions = ", ".join(f"{n} {action}" for action, n in sorted(done.actions.items())) or "none"
+    print_text(
+        f"{options.target} ({done.kind}): {counted(done.messages, 'message')} copied; "
+        f"{counted(done.frames, 'frame')}, {done.judged} judged; verdicts: {actions}"
+    )
