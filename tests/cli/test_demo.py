@@ -10,6 +10,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
+from browser import check_page, started
 from commands import refused
 from graspcast.cli import main
 from graspcast.demo_data import demo_dataset
@@ -59,13 +60,21 @@ def test_the_demonstration(
     verbs = [step[0] for step in steps]
     looks = 2 * ["fuse", "simulate"] + ["train"] + 3 * ["predict"]
     assert verbs[:13] == 3 * ["estimate"] + ["errors", "simulate", *looks]
-    assert verbs[13:15] == ["score", "overlay"] and set(verbs[15:]) <= {"watch"}
+    assert verbs[13:15] == ["score", "overlay"] and set(verbs[15:]) <= {"watch", "report"}
     assert "look again when in doubt" in text and "always three looks" in text
     # It judges on tables from which it has not learnt.
     verdicts = pl.read_csv(out / "verdicts3.csv")
     assert sorted(set(verdicts["scene_id"])) == [5, 6]
     assert set(verdicts["views"]) <= {1, 2, 3} and verdicts["views"].max() > 1
     assert {path.name for path in out.glob("*.png")} >= {"overlays.png"}
+    # The report is of this very run: its table of policies is the one printed.
+    report = out / "report.html"
+    assert text.rstrip().endswith(f"Report: {report}")
+    page = report.read_text()
+    assert "look again when in doubt, verdicts" in page and page.count("<img") > 10
+    assert "graspcast predict" in page and report.stat().st_size < 8 * 1024**2
+    with started() as browser:
+        check_page(browser, report)
     # Each command does alone what it did here; nothing is tried again.
     shards = {path: path.stat().st_mtime_ns for path in out.rglob("*.parquet")}
     assert len({path.parent for path in shards}) == 3

@@ -21,6 +21,7 @@ from graspcast.cli.demo_looks import (
 )
 from graspcast.cli.options import Verbs, new_verb, share
 from graspcast.errors import InputError
+from graspcast.io.files import write_text
 
 if TYPE_CHECKING:
     from graspcast.bop.dataset import BopDataset
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["add"]
 
 _BOXES = "test_detections_jittered.json"
+_CASES = "2"
 _COUNT = {1: "one look", 2: "up to two looks", 3: "up to three looks"}
 
 
@@ -87,22 +89,43 @@ def _demo(options: argparse.Namespace) -> int:
     # What will not do is better said before minutes have passed.
     _check(dataset, load_gripper(options.gripper).name)
     pictures: list[str] = []
-    print_text(f"DATA={shlex.quote(data)}")
+    files = DemoFiles(options.out, dataset.name)
+    lines = [f"DATA={shlex.quote(data)}"]
+    print_text(lines[0])
     for title, command in _steps(options, dataset, *parts):
-        print_text(f"\n# {title}\n$ graspcast {_told(command, data)}")
+        told = _told(command, data)
+        print_text(f"\n# {title}\n$ graspcast {told}")
+        lines += [f"# {title}", f"graspcast {told}"]
         start = time.monotonic()
         if code := main(command):
             return code
         note(f"{time.monotonic() - start:.0f} s")
         if command[-1].endswith(".png"):
             pictures.append(command[-1])
-    files = DemoFiles(options.out, dataset.name)
     if picture := save_two_sides(files, dataset, options.principal):
         pictures.append(str(picture))
     print_looks(files, options.principal)
+    write_text(files.commands, "\n".join(lines) + "\n")
+    if code := _report(files, data):
+        return code
     minutes, seconds = divmod(round(time.monotonic() - began), 60)
-    print_text(f"\n{minutes} min {seconds} s. Pictures: {', '.join(pictures)}")
+    print_text(
+        f"\n{minutes} min {seconds} s. Pictures: {', '.join(pictures)}\nReport: {files.report}"
+    )
     return 0
+
+
+def _report(files: DemoFiles, data: str) -> int:
+    """Write the report of the demonstration's own run, which holds its commands."""
+    from graspcast.cli import main
+
+    command = ["report", str(files.out), "--bop", data]
+    command += ["--cases", _CASES, "--out", str(files.report)]
+    print_text(f"\n# A report to look at, in a browser\n$ graspcast {_told(command, data)}")
+    start = time.monotonic()
+    code = main(command)
+    note(f"{time.monotonic() - start:.0f} s")
+    return code
 
 
 def _told(command: list[str], data: str) -> str:

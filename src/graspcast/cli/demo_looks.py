@@ -43,6 +43,16 @@ class DemoFiles:
         """The forecaster."""
         return self.out / "model.npz"
 
+    @property
+    def commands(self) -> Path:
+        """The commands that made it all."""
+        return self.out / "commands.sh"
+
+    @property
+    def report(self) -> Path:
+        """The report."""
+        return self.out / "report.html"
+
     def poses(self, estimator: str) -> Path:
         """Return an estimator's results."""
         return self.out / f"{estimator}_{self.dataset}-test.csv"

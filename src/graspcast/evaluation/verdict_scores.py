@@ -16,7 +16,13 @@ from graspcast.evaluation.bootstrap import Interval, original_and_draws
 from graspcast.forecasting.verdict import VerdictRow
 from graspcast.io.arguments import a, checked, sequence
 
-__all__ = ["VerdictScores", "score_verdicts", "verdict_table", "with_outcomes"]
+__all__ = [
+    "VerdictScores",
+    "attempt_scores",
+    "score_verdicts",
+    "verdict_table",
+    "with_outcomes",
+]
 
 
 @dataclass(frozen=True)
@@ -128,6 +134,24 @@ def score_verdicts(
     both = with_outcomes(verdicts, outcomes)
     if not len(both):
         raise MismatchError("no outcome is about any of the verdicts: are they of the same images?")
+    return attempt_scores(both, untried=len(verdicts) - len(both), draws=draws, seed=seed)
+
+
+def attempt_scores(
+    both: pl.DataFrame, *, untried: int = 0, draws: int = 2000, seed: int = 0
+) -> VerdictScores:
+    """Score attempts with known outcomes.
+
+    Parameters
+    ----------
+    both
+        At least one row, with the key of its instance, ``attempt`` and ``success``, as
+        :func:`with_outcomes` returns them.
+    untried
+        As the scores state it.
+    draws, seed
+        Of the bootstrap over scenes.
+    """
     scenes = unit_names(Instances.from_frame(both), "scene")
     scene, numbers = np.unique(scenes, return_inverse=True)
     attempt = both["attempt"].to_numpy().astype(np.float64)
@@ -146,7 +170,7 @@ def score_verdicts(
         n=len(both),
         attempts=int(tried[0]),
         scenes=len(scene),
-        untried=len(verdicts) - len(both),
+        untried=untried,
         always=Interval.of(always[0], always[1:], (0.0, 1.0)),
         following=Interval.of(following[0], following[1:], (0.0, 1.0)) if any_tried else None,
         attempt_rate=Interval.of(rate[0], rate[1:], (0.0, 1.0)),

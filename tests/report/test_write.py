@@ -1,0 +1,46 @@
+"""Reports, written."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from graspcast.errors import InputError
+from graspcast.report.run_files import RunFiles, find_run
+from graspcast.report.write import write_report
+
+
+def test_the_same_files_give_the_same_bytes(tmp_path: Path, run_dir: Path) -> None:
+    files = find_run(run_dir)
+    said: list[tuple[float, str]] = []
+    notes = write_report(
+        tmp_path / "a.html", [files], written="now", progress=lambda *told: said.append(told)
+    )
+    assert notes == () and said[0] == (0.0, "reading small")
+    write_report(tmp_path / "b.html", [files], written="now")
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+    write_report(tmp_path / "c.html", [files], written="then", title="Mine")
+    text = (tmp_path / "c.html").read_text()
+    assert "written then" in text and "<title>Mine</title>" in text
+    assert str(run_dir) not in text.replace(f"graspcast report {run_dir}", "")
+
+
+def test_without_outcomes_or_without_verdicts(tmp_path: Path, run_dir: Path) -> None:
+    files = find_run(run_dir)
+    write_report(tmp_path / "r.html", [replace(files, outcomes=())])
+    text = (tmp_path / "r.html").read_text()
+    assert "There are no outcomes to score them by" in text and 'id="verdicts"' in text
+    assert "graspcast simulate" in text and 'id="risk-coverage"' not in text
+    write_report(tmp_path / "r.html", [replace(files, verdicts=(), outcomes=files.outcomes)])
+    text = (tmp_path / "r.html").read_text()
+    assert "There are no verdicts on them" in text and 'id="error-translation"' in text
+
+
+def test_nothing_is_written_where_it_fails(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="there is no run"):
+        write_report(tmp_path / "r.html", [])
+    with pytest.raises(InputError, match="there is nothing to report"):
+        write_report(tmp_path / "r.html", [RunFiles("empty")])
+    assert list(tmp_path.iterdir()) == []
