@@ -2,7 +2,7 @@
 
 python scripts/try_wheel.py dist [--demo]
 
-It says how long the installation took, how large it is, how long the import and ``--help`` take, and
+It says how long installing, importing and ``--help`` take, and how large the environment is, and
 then runs ``.ci/smoke.py``. With --demo, it also runs the demonstration, and after it the first
 Python of the README.
 """
