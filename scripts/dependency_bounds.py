@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import argparse
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+
+from environments import program, python_of
 
 ROOT = Path(__file__).parents[1]
 RESOLUTIONS = {"lowest": "lowest-direct", "newest": "highest"}
@@ -49,15 +50,13 @@ def main() -> int:
     parser.add_argument("--all", action="store_true", help="run every fast test")
     parser.add_argument("--python", default=sys.executable, help="default: this one")
     options = parser.parse_args()
-    uv = shutil.which("uv")
-    if uv is None:
-        sys.exit("uv is not installed: pip install uv")
+    uv = program("uv")
     tests = options.tests or [str(ROOT / "tests" / name) for name in TESTS]
     with tempfile.TemporaryDirectory() as scratch:
         began = time.perf_counter()
         home = Path(scratch) / "venv"
         subprocess.run([uv, "venv", "--quiet", f"--python={options.python}", str(home)], check=True)
-        (python,) = {*home.glob("bin/python"), *home.glob("Scripts/python.exe")}
+        python = python_of(home)
         install = [uv, "pip", "install", "--quiet", f"--python={python}"]
         resolution = f"--resolution={RESOLUTIONS[options.versions]}"
         subprocess.run([*install, resolution, "-e", f"{ROOT}[ray,test]"], check=True)

@@ -11,6 +11,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from environments import program
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -32,11 +34,10 @@ def main() -> int:
     failed = []
     for command in commands:
         print(f"\n== {' '.join(command)}", flush=True)
-        program = shutil.which(command[0])
-        if program is None:
-            sys.exit(f"{command[0]} is not installed: pip install -e '.[dev]'")
-        if subprocess.run([program, *command[1:]], cwd=ROOT, env=environment).returncode:
-            failed.append(command[0])
+        if subprocess.run(
+            [program(command[0]), *command[1:]], cwd=ROOT, env=environment
+        ).returncode:
+            failed.append(Path(command[0]).stem)
     if failed:
         print(f"\nfailed: {', '.join(failed)}")
     return 1 if failed else 0

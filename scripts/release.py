@@ -16,13 +16,14 @@ import hashlib
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+
+from environments import program, python_of
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = ROOT / "scripts"
@@ -78,26 +79,26 @@ def check_state() -> None:
 
 def demo_by_uvx(out: Path) -> None:
     """Run the demonstration as ``uvx graspcast demo`` would, from the wheel."""
+    (wheel,) = out.glob("*.whl")
     with tempfile.TemporaryDirectory() as scratch:
-        _run(_uv(), "tool", "run", "--from", _wheel(out), "graspcast", "demo", folder=Path(scratch))
+        uvx = (program("uv"), "tool", "run", "--from", wheel)
+        _run(*uvx, "graspcast", "demo", folder=Path(scratch))
 
 
 def write_sbom(out: Path) -> None:
     """Write what the wheel brings with it, as CycloneDX JSON."""
     bill = out / f"graspcast-{version()}.cdx.json"
+    uv = program("uv")
     with tempfile.TemporaryDirectory() as scratch:
         home = Path(scratch) / "venv"
-        _run(_uv(), "venv", "--quiet", f"--python={sys.executable}", home)
-        (python,) = {*home.glob("bin/python"), *home.glob("Scripts/python.exe")}
-        install = (_uv(), "pip", "install", "--quiet", f"--python={python}", "--find-links", out)
+        _run(uv, "venv", "--quiet", f"--python={sys.executable}", home)
+        python = python_of(home)
+        # By name and version, so that the list does not state a path of this machine.
+        install = (uv, "pip", "install", "--quiet", f"--python={python}", "--find-links", out)
         _run(*install, f"graspcast=={version()}")
-        make = [sys.executable, "-m", "cyclonedx_py", "environment", "--output-reproducible"]
-        make += ["--pyproject", ROOT / "pyproject.toml", "--mc-type", "application"]
+        make = (sys.executable, "-m", "cyclonedx_py", "environment", "--output-reproducible")
         _run(*make, "--validate", "--output-format", "JSON", "--output-file", bill, python)
     content = json.loads(bill.read_text(encoding="utf-8"))
-    content["metadata"]["component"]["version"] = version()
-    # The project itself stands in the metadata, and is also among what is installed.
-    bill.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     print(f"{bill.name}: {len(content['components'])} components")
 
 
@@ -111,18 +112,6 @@ def write_checksums(out: Path) -> None:
 
 def _bounds(versions: str) -> None:
     _run(sys.executable, SCRIPTS / "dependency_bounds.py", versions, "--all")
-
-
-def _wheel(out: Path) -> Path:
-    (wheel,) = out.glob("*.whl")
-    return wheel
-
-
-def _uv() -> str:
-    found = shutil.which("uv")
-    if found is None:
-        sys.exit("uv is not installed: pip install -e '.[dev,release]'")
-    return found
 
 
 def _output(*command: str) -> str:

@@ -19,6 +19,8 @@ import time
 import venv
 from pathlib import Path
 
+from environments import python_of
+
 ROOT = Path(__file__).parents[1]
 IMPORT_S, HELP_S, SIZE_MB = 0.05, 0.2, 900
 PATIENCE = 3  # a busy machine may be so many times slower than the limits
@@ -36,8 +38,8 @@ def main() -> None:
         root = Path(scratch).resolve()
         began = time.perf_counter()
         venv.create(root / "venv", with_pip=True)
-        python = next(root.glob("venv/*/python*")).parent / "python"
-        _run(root, python, "-m", "pip", "install", "--quiet", *constraint, str(wheel))
+        python = python_of(root / "venv")
+        _run(root, python, "-m", "pip", "install", "-qqq", *constraint, str(wheel))
         size = sum(p.stat().st_size for p in (root / "venv").rglob("*") if p.is_file()) / 1e6
         print(f"installed in {time.perf_counter() - began:.0f} s, {size:.0f} MB")
         _run(root, python, "-m", "pip", "check")
