@@ -8,12 +8,16 @@ from __future__ import annotations
 import importlib
 import os
 import platform
-import re
 import sys
 from typing import Any
 
 from graspcast.errors import InstallationError
-from graspcast.simulation.mujoco_version import OLDEST, InstalledMujoco, installed_mujoco
+from graspcast.simulation.mujoco_version import (
+    OLDEST,
+    InstalledMujoco,
+    installed_mujoco,
+    release_of,
+)
 
 __all__ = ["avoid_wrong_factors", "jacobian", "mujoco"]
 
@@ -36,10 +40,10 @@ def _import_checked() -> Any:
         problem = f"MuJoCo in {installed.folder} cannot be imported ({error})"
         raise _error(problem, installed) from error
     for name, stated in installed.owners.items():
-        if not stated.startswith(version):
+        if release_of(stated) != release_of(version):
             problem = f"{name} {stated} is installed, but the library in {installed.folder} is"
             raise _error(f"{problem} MuJoCo {version}", installed)
-    if tuple(map(int, re.findall(r"\d+", version)[:3])) < OLDEST:
+    if release_of(version) < OLDEST:
         oldest = ".".join(map(str, OLDEST))
         raise InstallationError(
             f"MuJoCo {version} is installed, but graspcast needs {oldest} or newer: "

@@ -9,7 +9,7 @@ from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
-__all__ = ["OLDEST", "InstalledMujoco", "installed_mujoco"]
+__all__ = ["OLDEST", "InstalledMujoco", "installed_mujoco", "release_of"]
 
 OLDEST = (3, 8, 1)
 """The oldest MuJoCo that the tests are run with."""
@@ -72,7 +72,7 @@ def installed_mujoco() -> InstalledMujoco:
     }
     owners = {name: package.version for name, package in found.items()}
     words = " and ".join(f"{name} {version}" for name, version in owners.items())
-    if len({_release(version) for version in owners.values()}) > 1:
+    if len({release_of(version) for version in owners.values()}) > 1:
         problem = (
             f"{words} are two versions of MuJoCo in one folder, {folder}; the one that came last "
             "replaced files of the other"
@@ -98,9 +98,9 @@ def _folder() -> Path | None:
     return Path(places[0]) if places else None
 
 
-def _release(version: str) -> str:
+def release_of(version: str) -> tuple[int, ...]:
     """Return the three numbers of a version, which all packages of one MuJoCo share."""
-    return ".".join(re.findall(r"\d+", version)[:3])
+    return tuple(int(number) for number in re.findall(r"\d+", version)[:3])
 
 
 def _missing(package: metadata.Distribution) -> list[Path]:

@@ -1,0 +1,128 @@
+"""Files of a release: one version everywhere, and the licence of everything that is bundled."""
+
+from __future__ import annotations
+
+import re
+import sys
+import tarfile
+import tomllib
+import zipfile
+from importlib.util import module_from_spec, spec_from_file_location
+from io import BytesIO
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from graspcast._version import __version__
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "src" / "graspcast"
+
+
+def text_of(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+@pytest.fixture(autouse=True)
+def _scripts_find_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+
+
+def script(name: str) -> ModuleType:
+    spec = spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
+    assert spec is not None and spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_citation_is_of_this_version() -> None:
+    assert f"\nversion: {__version__}\n" in text_of("CITATION.cff")
+
+
+def test_the_changelog_has_this_version_and_what_is_not_released() -> None:
+    sections = set(re.findall(r"^## \[(.+)\]", text_of("CHANGELOG.md"), re.M))
+    assert {"Unreleased", __version__} <= sections
+
+
+def test_no_file_of_the_package_but_code_lacks_a_notice() -> None:
+    named = re.findall(r": (graspcast/\S+)", text_of("NOTICE"))
+    assert all((ROOT / "src" / name).exists() for name in named)
+    for path in PACKAGE.rglob("*"):
+        if path.is_dir() or path.suffix == ".py" or path.parent.name == "__pycache__":
+            continue
+        name = path.relative_to(ROOT / "src").as_posix()
+        ours = path.name in ("py.typed", "README.md")
+        assert ours or any(name.startswith(folder) for folder in named), name
+
+
+def test_every_script_that_is_named_exists() -> None:
+    files = [*(ROOT / ".github").rglob("*.yml"), ROOT / "CONTRIBUTING.md", ROOT / ".ci" / "run"]
+    text = "\n".join(file.read_text(encoding="utf-8") for file in files)
+    named = set(re.findall(r"(?:scripts|\.ci)/\w+(?:\.py)?", text))
+    assert len(named) > 4
+    for name in named:
+        assert (ROOT / name).is_file(), name
+
+
+def test_the_tests_of_dependency_bounds_exist() -> None:
+    for name in script("dependency_bounds").TESTS:
+        assert (ROOT / "tests" / name).exists(), name
+
+
+def test_the_oldest_mujoco_is_the_declared_one() -> None:
+    from graspcast.simulation.mujoco_version import OLDEST
+
+    project = tomllib.loads(text_of("pyproject.toml"))["project"]
+    assert f"mujoco>={'.'.join(map(str, OLDEST))}" in project["dependencies"]
+
+
+def wheel(folder: Path, *more: str) -> Path:
+    path = folder / "graspcast-0-py3-none-any.whl"
+    needed = ["LICENSE", "NOTICE", "LICENSES/CC-BY-4.0.txt"]
+    with zipfile.ZipFile(path, "w") as archive:
+        for name in needed:
+            archive.writestr(f"graspcast-0.dist-info/licenses/{name}", "")
+        archive.writestr("graspcast/demo_data/ycbv/models/obj_000002.ply", "")
+        for name in more:
+            archive.writestr(name, "")
+    return path
+
+
+def test_a_wheel_of_code_licences_and_the_demonstration_is_right(tmp_path: Path) -> None:
+    assert script("build").contents_problems(wheel(tmp_path, "graspcast/__init__.py")) == []
+
+
+@pytest.mark.parametrize("name", ["tests/data/a.csv", "graspcast/data.csv", "graspcast/a.pyc"])
+def test_a_wheel_with_anything_else_is_not(name: str, tmp_path: Path) -> None:
+    problems = script("build").contents_problems(wheel(tmp_path, name))
+    assert any(f"{name} does not belong in it" in problem for problem in problems)
+
+
+def test_an_sdist_without_licences_or_with_tests_is_not_right(tmp_path: Path) -> None:
+    path = tmp_path / "graspcast-0.tar.gz"
+    with tarfile.open(path, "w:gz") as archive:
+        for name in ("graspcast-0/src/graspcast/a.py", "graspcast-0/tests/data/a.csv"):
+            archive.addfile(tarfile.TarInfo(name), BytesIO())
+    problems = "\n".join(script("build").contents_problems(path))
+    assert "tests/data/a.csv does not belong in it" in problems
+    assert "NOTICE is missing" in problems
+
+
+def test_a_release_is_refused_without_a_changelog(monkeypatch: pytest.MonkeyPatch) -> None:
+    release = script("release")
+    monkeypatch.setattr(release, "_output", lambda *command: "")
+    release.check_state()
+    monkeypatch.setattr(release, "version", lambda: "99.0")
+    with pytest.raises(SystemExit, match=r"CHANGELOG.md has no section \[99.0\]"):
+        release.check_state()
+    monkeypatch.setattr(release, "_output", lambda *command: " M README.md")
+    with pytest.raises(SystemExit, match="not committed"):
+        release.check_state()
+
+
+def test_no_file_names_this_machine() -> None:
+    for name in ("NOTICE", "CITATION.cff", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md"):
+        assert str(ROOT) not in text_of(name)
+        assert sys.prefix not in text_of(name)
