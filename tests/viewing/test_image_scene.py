@@ -125,7 +125,6 @@ def test_what_is_not_there_is_named(dataset: BopDataset, results: dict[str, Resu
 def test_grasps_with_verdicts_of_their_own_are_shown_once(
     dataset: BopDataset, table: GraspTable
 ) -> None:
-    import_mujoco()
     first = verdict_row(*IMAGE, 1, probability=0.9)
     rows = [first, replace(first, grasp="higher")]
     ranked = {(KEY, "a", "parallel"): (("reference", 0.9), ("higher", 0.3), ("higher", 0.3))}
