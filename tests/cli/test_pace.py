@@ -19,7 +19,13 @@ def now(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 @pytest.mark.parametrize(
     ("seconds", "words"),
-    [(12.4, "12 s"), (99, "99 s"), (720, "12 min"), (12_000, "3 h 20 min"), (7200, "2 h 0 min")],
+    [
+        (12.4, "12 s"),
+        (99.0, "99 s"),
+        (720.0, "12 min"),
+        (12e3, "3 h 20 min"),
+        (7200.0, "2 h 0 min"),
+    ],
 )
 def test_durations_in_words(seconds: float, words: str) -> None:
     assert in_words(seconds) == words

@@ -59,7 +59,7 @@ def test_rendering_goes_on_where_it_stopped(
     render_samples(tmp_path, solids, seed=3, images=20)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["00000.npz", "00001.npz"]
     assert (tmp_path / "00000.npz").read_bytes() == before
-    assert said[0] == "file 1 of 2" and "left" in said[1]
+    assert said == ["0 of 2 files of training images", "1 of 2 files of training images"]
     # The first file is the one of the other directory: it depends on seed and number alone.
     first, other = Samples(directory).columns, Samples(tmp_path).columns
     np.testing.assert_array_equal(first["image"][0], other["image"][0])

@@ -110,8 +110,9 @@ def test_a_verdict_on_a_grasp_that_no_table_has_is_refused(
     dataset: BopDataset, table: GraspTable
 ) -> None:
     row = replace(verdict_row(*IMAGE, 1, probability=0.5), grasp="sideways")
-    with pytest.raises(UnknownNameError, match="sideways"):
+    with pytest.raises(UnknownNameError, match="sideways") as caught:
         image_scene(dataset, IMAGE, Seen(grasps=Grasps([row], table, load_gripper)))
+    assert "grasps" in caught.value.parameters
 
 
 def test_what_is_not_there_is_named(dataset: BopDataset, results: dict[str, Results]) -> None:
@@ -119,3 +120,13 @@ def test_what_is_not_there_is_named(dataset: BopDataset, results: dict[str, Resu
         image_scene(dataset, IMAGE, Seen(results), objects=["made-7"])
     with pytest.raises(InputError, match=r"image 9/9 of made: has neither estimates"):
         image_scene(dataset, (9, 9), Seen(results))
+
+
+def test_grasps_with_verdicts_of_their_own_are_shown_once(
+    dataset: BopDataset, table: GraspTable
+) -> None:
+    first = verdict_row(*IMAGE, 1, probability=0.9)
+    rows = [first, replace(first, grasp="higher")]
+    ranked = {(KEY, "a", "parallel"): (("reference", 0.9), ("higher", 0.3), ("higher", 0.3))}
+    nodes = by_name(dataset, Seen(grasps=Grasps(rows, table, load_gripper, ranked)))
+    assert sum(node.group == "grasps" for node in nodes.values()) == 2

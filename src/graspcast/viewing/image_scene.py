@@ -181,16 +181,18 @@ class _Image:
 
     def grasps(self) -> Iterator[Node]:
         grasps = self._seen.grasps
-        for row in grasps.verdicts if grasps is not None else ():
-            if grasps is None or (row.key.dataset, *row.key.image) != self._at:
-                continue
-            if self._wanted and row.key.object not in self._wanted:
-                continue
-            own = ((row.grasp, row.verdict.probability),)
-            ranked = grasps.rankings.get((row.key, row.principal, row.gripper), ())
-            others = tuple(each for each in ranked if each[0] != row.grasp)
-            for rank, (name, probability) in enumerate(own + others):
-                yield self._hand(grasps, row, name, probability, chosen=rank == 0)
+        if grasps is None:
+            return
+        rows = [row for row in grasps.verdicts if self._is_wanted(row.key)]
+        shown = {(row.key, row.principal, row.gripper, row.grasp) for row in rows}
+        for row in rows:
+            yield self._hand(grasps, row, row.grasp, row.verdict.probability, chosen=True)
+        for row in rows:
+            of = (row.key, row.principal, row.gripper)
+            for name, probability in grasps.rankings.get(of, ()):
+                if (*of, name) not in shown:
+                    shown.add((*of, name))
+                    yield self._hand(grasps, row, name, probability, chosen=False)
 
     def legend(self, nodes: Sequence[Node]) -> tuple[tuple[str, colours.RGB], ...]:
         groups = {node.group for node in nodes}
@@ -208,6 +210,10 @@ class _Image:
                 )
             )
         return (*out, *(colours.probability_legend() if "grasps" in groups else ()))
+
+    def _is_wanted(self, key: InstanceKey) -> bool:
+        here = (key.dataset, *key.image) == self._at
+        return here and (not self._wanted or key.object in self._wanted)
 
     @property
     def _at(self) -> tuple[str, int, int]:
@@ -240,7 +246,11 @@ class _Image:
             body = open_hand(gripper)
             self._hands[row.gripper] = gripper, body.vertices, body.faces
         gripper, vertices, faces = self._hands[row.gripper]
-        grasp = grasps.table(row.key.object, row.gripper, name).grasp
+        try:
+            grasp = grasps.table(row.key.object, row.gripper, name).grasp
+        except UnknownNameError as error:
+            error.parameters = (*error.parameters, "grasps")
+            raise
         pose = compose(row.cam_T_obj, grasp.obj_T_grasp, invert(gripper.base_T_tcp))
         told = "unknown" if probability is None else f"{probability:.2f}"
         rgb = np.array(colours.of_probability(probability), dtype=np.uint8)
