@@ -1,15 +1,17 @@
 """How often promises are false: of the rate asked for, or else of the highest lower one.
 
     python benchmarks/promises.py --worlds 500
+    python benchmarks/promises.py --worlds 500 --intervals
 
 Calibrations of synthetic worlds (as in ``certificates.py``), many too small for the rate asked for,
 0.9 at confidence 0.9. *Promised*: the rate asked for where it is certified, and else the lower rate
 that is, as ``certify`` with ``accept_lower`` does. *False*: the true success rate at the threshold
 is below the promised rate; 0.1 is allowed. *Searched*: what a user would get who, after seeing the
 data, took the highest rate among the default and the learned sequence, rates weighted by attempts
-and by scenes (each by its own true rate), and two seeds; this is why these are no promises.
-*Wide*: the share of true rates outside the 95 % interval of success rates in tables of thresholds,
-at thresholds that attempt three quarters, half and a quarter. Prints Markdown.
+and by scenes (each by its own true rate), and ``--seeds``; this is why these are no promises.
+``--intervals``: instead, the share of the runs in which the 95 % interval of the success rate, as
+in tables of thresholds, misses the true rate, at thresholds that attempt three quarters, half and a
+quarter of the trials. Prints Markdown.
 """
 
 from __future__ import annotations
@@ -69,16 +71,17 @@ def is_false(guarantee: Guarantee, truth: Truth | SceneTruth) -> bool:
     return threshold is not None and truth.rate(threshold) < guarantee.rate
 
 
-def run(world: World, count: int) -> tuple[dict[str, dict[str, float]], list[float]]:
+def drawn(world: World, number: int) -> tuple[Any, Any]:
+    """Training and calibration data."""
+    rng = np.random.default_rng([world.scenes, world.repeats, number])
+    return world.draw(rng, world.scenes), world.draw(rng, world.scenes)
+
+
+def promises(world: World, count: int, seeds: int) -> dict[str, str]:
     truths: dict[str, Any] = {"attempt": world.truth(), "unit": SceneTruth(world)}
     tally: dict[str, list[tuple[float, float, float]]] = {}
-    thresholds = [float(np.quantile(truths["attempt"].descending, 1 - s)) for s in SHARES]
-    names = [f"{i:04d}" for i in range(world.scenes)]
-    counts = original_and_draws(names, 500, 0)
-    outside = np.zeros(len(SHARES))
     for number in range(count):
-        rng = np.random.default_rng([world.scenes, world.repeats, number])
-        training, calibration = world.draw(rng, world.scenes), world.draw(rng, world.scenes)
+        training, calibration = drawn(world, number)
         found: list[tuple[Guarantee, Any]] = []
         for weight in ("attempt", "unit"):
             for kind in ("default", "learned"):
@@ -91,7 +94,7 @@ def run(world: World, count: int) -> tuple[dict[str, dict[str, float]], list[flo
                         calibration_units=world.scenes,
                         weight=weight,
                     )
-                for seed in range(2):
+                for seed in range(seeds):
                     mine = certify(
                         *calibration,
                         rate=RATE,
@@ -111,18 +114,22 @@ def run(world: World, count: int) -> tuple[dict[str, dict[str, float]], list[flo
             add_one(tally, "searched", truth.rate(told.threshold) < told.rate, told.rate)
         else:
             add_one(tally, "searched", False, 0.0)
-        probability, success, units = calibration
+    means = {name: np.mean(rows, axis=0).tolist() for name, rows in tally.items()}
+    return {name: f"{f:.3f} / {n:.3f} / {r:.2f}" for name, (f, n, r) in means.items()}
+
+
+def intervals(world: World, count: int) -> dict[str, str]:
+    truth = world.truth()
+    thresholds = [float(np.quantile(truth.descending, 1 - s)) for s in SHARES]
+    counts = original_and_draws([f"{i:04d}" for i in range(world.scenes)], 500, 0)
+    outside = np.zeros(len(SHARES))
+    for number in range(count):
+        probability, success, units = drawn(world, number)[1]
         for i, threshold in enumerate(thresholds):
-            interval = success_interval(
-                probability >= threshold, success.astype(float), units, counts
-            )
-            true = truths["attempt"].rate(threshold)
-            outside[i] += interval is not None and not interval.low <= true <= interval.high
-    means = {
-        name: dict(zip(("false", "none", "rate"), np.mean(rows, axis=0).tolist(), strict=True))
-        for name, rows in tally.items()
-    }
-    return means, (outside / count).tolist()
+            found = success_interval(probability >= threshold, success, units, counts)
+            true = truth.rate(threshold)
+            outside[i] += found is not None and not found.low <= true <= found.high
+    return {f"{s:.0%} attempted": f"{x / count:.3f}" for s, x in zip(SHARES, outside, strict=True)}
 
 
 def add(tally: dict[str, list], name: str, guarantee: Guarantee, truth: Any) -> None:
@@ -139,21 +146,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--worlds", type=int, default=500, help="of each kind (default: 500)")
     parser.add_argument("--only", metavar="TEXT", default="", help="worlds with this in the name")
+    parser.add_argument("--seeds", type=int, default=2, help="that are searched (default: 2)")
+    parser.add_argument("--intervals", action="store_true", help="how often intervals miss")
     options = parser.parse_args()
     print(f"Rate {RATE}, confidence {CONFIDENCE}, {options.worlds} worlds of each kind.")
-    print("Cells: false / none / mean promised rate.\n")
+    print(f"Cells: {'missed' if options.intervals else 'false / none / mean promised rate'}.\n")
     header = False
     for title, world in WORLDS.items():
         if options.only not in title:
             continue
-        rows, outside = run(world, options.worlds)
+        if options.intervals:
+            cells = intervals(world, options.worlds)
+        else:
+            cells = promises(world, options.worlds, options.seeds)
         if not header:
-            print(f"| simulation | {' | '.join(rows)} | outside the interval |")
-            print(f"|---|{'---|' * (len(rows) + 1)}")
+            print(f"| simulation | {' | '.join(cells)} |\n|---|{'---|' * len(cells)}")
             header = True
-        cells = [f"{r['false']:.3f} / {r['none']:.3f} / {r['rate']:.2f}" for r in rows.values()]
-        shown = ", ".join(f"{x:.3f}" for x in outside)
-        print(f"| {title} | {' | '.join(cells)} | {shown} |", flush=True)
+        print(f"| {title} | {' | '.join(cells.values())} |", flush=True)
 
 
 if __name__ == "__main__":

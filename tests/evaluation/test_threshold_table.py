@@ -86,7 +86,7 @@ def test_looks_are_counted_as_the_policy_takes_them() -> None:
         ended=np.array([1, 2, 2, 2]),
         scenes=np.array(["d/1", "d/1", "d/2", "d/2"]),
     )
-    found = threshold_table(trials, Costs(1, 0, 0.1), at=[0.5, 0.25, 0.0])
+    found = threshold_table(trials, Costs(1.0, 0.0, 0.1), at=[0.5, 0.25, 0.0])
     strict, middle, every = found.rows
     assert (strict.attempts, strict.looks) == (2, pytest.approx((1 + 2 + 2 + 2) / 4))
     assert (middle.attempts, middle.looks) == (2, pytest.approx((1 + 1 + 2 + 2) / 4))

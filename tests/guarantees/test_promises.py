@@ -70,7 +70,9 @@ def test_ten_scenes_of_twenty_get_an_answer() -> None:
     sequence = ThresholdSequence((0.9, 0.5), (1.0, 0.0), "the test")
     asked = certify(*given_, sequence=sequence, **ASKED).overall
     assert asked.threshold is None
-    assert asked.lower == Promise(0.9, pytest.approx(0.1**0.1), 10, 10)
+    assert asked.lower is not None
+    assert (asked.lower.threshold, asked.lower.rate) == (0.9, pytest.approx(0.1**0.1))
+    assert (asked.lower.drawn_attempts, asked.lower.drawn_successes) == (10, 10)
     assert asked.limit == pytest.approx(0.1**0.1)
     assert asked.possible_confidence == pytest.approx(1 - 0.9**10)
     assert asked.needed_units == 22

@@ -4,8 +4,8 @@ With many scenes the interval is that of the bootstrap over scenes
 (:mod:`graspcast.evaluation.bootstrap`). Of fewer scenes a bootstrap is too narrow. There it
 is an exact binomial one (Clopper and Pearson 1934) of fewer trials than there are:
 
-- Where two scenes or more hold failures, and two or more successes, so that it can be seen how much
-  scenes differ, as many trials as carry the same variance, with a further factor for the few
+- Where three scenes or more hold failures, and three or more successes, so that it can be seen how
+  much scenes differ, as many trials as carry the same variance, with a further factor for the few
   degrees of freedom (Korn and Graubard 1998).
 - Elsewhere, above all where no attempt fails, as if all grasps of a scene were one: with attempts
   a_u of scene u, Kish's effective number (sum a_u)^2 / sum a_u^2. That is wide enough however alike
@@ -35,7 +35,7 @@ __all__ = ["FEW_SCENES", "success_interval"]
 
 FEW_SCENES = 100
 """With attempts in fewer scenes the bootstrap is not used."""
-_LEAST_EACH = 2
+_LEAST_EACH = 3
 """Nor where fewer scenes than this hold a failed attempt, or a successful one."""
 
 
