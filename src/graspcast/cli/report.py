@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from graspcast.cli.console import note, print_text, progress_bar
+from graspcast.cli.console import note, print_text
 from graspcast.cli.options import (
     Verbs,
     add_bop,
@@ -19,6 +19,7 @@ from graspcast.cli.options import (
     new_verb,
     note_software_drawing,
 )
+from graspcast.cli.progress import progress_bar
 from graspcast.errors import InputError
 
 if TYPE_CHECKING:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from graspcast.cli.console import note, print_text, progress_bar
+from graspcast.cli.console import note, print_text
 from graspcast.cli.options import Verbs, new_verb, positive, share
+from graspcast.cli.progress import progress_bar
 from graspcast.io.wording import counted
 
 __all__ = ["add"]

@@ -15,13 +15,12 @@ from numpy import ndarray
 from graspcast.bop.dataset import BopDataset
 from graspcast.errors import GraspcastError, InputError, MismatchError
 from graspcast.pose.transforms import compose, invert
-from graspcast.rendering.overlay import draw_overlay
 from graspcast.rendering.coloured_models import ColouredModels
-from graspcast.report.content import Picture
-from graspcast.report.trials import Trials
-
+from graspcast.rendering.overlay import draw_overlay
 from graspcast.rendering.trials.film import describe, strip_states
 from graspcast.rendering.trials.renderer import SceneRenderer
+from graspcast.report.content import Picture
+from graspcast.report.trials import Trials
 from graspcast.simulation.campaign.jobs import TrialSetup
 from graspcast.simulation.grippers import load_gripper
 from graspcast.simulation.grippers.protocol import Gripper

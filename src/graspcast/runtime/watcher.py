@@ -174,7 +174,7 @@ class Watcher:
                 **decision_options(judge.forecaster, guarantee=None, **judge.options),
                 "max_looks": int(judge.options["max_looks"]),
             }
-            for judge in self._judges
+            for judge in self._panel.judges
         ]
 
     def warm_up(self) -> None:
