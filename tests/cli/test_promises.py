@@ -56,7 +56,7 @@ def test_what_was_accepted_is_said_to_be_lower() -> None:
 def test_nothing_is_promised_where_nothing_succeeds() -> None:
     said = promised(certified(10, 0), "scene")
     assert "no rate above 0 can be promised" in said
-    assert "no confidence above 0 could have been asked for" in said
+    assert "no confidence worth asking for would have been enough" in said
 
 
 def test_alternatives_are_called_no_promises(capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,14 +13,17 @@ from graspcast import Certificate, Forecaster
 from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
+from graspcast.estimates.instances import unit_names
 from graspcast.estimates.loading import Inputs
 from graspcast.evaluation.certification import GuaranteeOptions, certify_trials
 from graspcast.evaluation.policy_certification import certify_policy, policy_trials
+from graspcast.evaluation.threshold_trials import trials_of_looks
 from graspcast.forecasting.fallbacks import Fallbacks
 from graspcast.forecasting.looking import run_at_once, run_policy
 from graspcast.forecasting.recorded_looks import looks_with_views, verdicts_with_views
 from graspcast.forecasting.recorded_verdicts import ViewSettings
 from graspcast.forecasting.verdict import VerdictRow
+from graspcast.guarantees.certify import certify
 from graspcast.guarantees.threshold_sequence import ThresholdSequence
 from graspcast.views.camera_motion import CameraMotion
 from looked_at import CAMERAS, NAMES, joined, trained
@@ -106,6 +109,53 @@ def test_counts_are_those_of_running_the_policy_at_each_threshold(world: World, 
     # The policy is not the same at all thresholds, and takes further looks at some.
     assert len(set(counts)) > 4
     assert len({looks for *_, looks in counts}) > 3
+
+
+@pytest.mark.parametrize("most", [0.7, 1.0])
+def test_a_table_of_thresholds_counts_what_the_policy_does_at_each(
+    world: World, most: float
+) -> None:
+    given = world.forecaster, world.inputs(), "d", world.motions["d"], SETTINGS
+    trials = trials_of_looks(run_policy(*given, threshold=most, ood_alpha=0.0).each, world.outcomes)
+    seen = set()
+    for threshold in (0.0, 0.3, 0.5, 0.65, 0.7, 0.8, 1.0):
+        if threshold > most:
+            continue
+        run = run_policy(*given, threshold=threshold, ood_alpha=0.0)
+        attempts = [row for row in run.rows if row.verdict.attempt]
+        attempted, success, looks = trials.at(threshold)
+        assert attempted.sum() == len(attempts)
+        assert success.sum() == sum(map(world.success, attempts))
+        assert looks.tolist() == run.looks.tolist()
+        seen.add((len(attempts), int(looks.sum())))
+    assert len(seen) > 3
+
+
+def test_alternatives_are_what_would_have_been_certified(world: World) -> None:
+    certificate = world.certify(per_object=True, simultaneous=True)
+    names = {other.name: other for other in certificate.alternatives}
+    assert list(names) == [
+        "all images weighted equally",
+        "scenes as units",
+        "one look",
+        "at most 2 looks",
+    ]
+    assert (names["scenes as units"].unit, names["scenes as units"].units) == ("scene", len(SCENES))
+    motion = world.motions["d"]
+    trials, _ = policy_trials(
+        world.forecaster, world.inputs(), "d", motion, SETTINGS, world.outcomes, ASKED
+    )
+    for name, looks in (("one look", 1), ("at most 2 looks", 2)):
+        found = certify(
+            trials.probability[:, :looks],
+            trials.success[:, :looks],
+            unit_names(trials.instances, "image"),
+            rate=0.6,
+            confidence=certificate.overall.confidence,
+        ).overall
+        mine = names[name]
+        assert (mine.threshold, mine.best) == (found.threshold, found.best)
+        assert mine.possible_confidence == found.possible_confidence
 
 
 def test_the_certificate_states_its_policy_and_predict_keeps_it(world: World) -> None:

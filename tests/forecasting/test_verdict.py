@@ -16,6 +16,7 @@ from graspcast.forecasting.verdict import (
     Verdict,
     check_threshold,
     decide,
+    said_by,
     verdict_rows,
 )
 from poses import random_poses
@@ -79,3 +80,19 @@ def test_rows_are_ordered_by_key_and_incomplete_instances_are_abstained_from() -
     assert rows[0].verdict.reason == "no estimate by b"
     for row, pose in zip(rows, poses[[2, 1, 0]], strict=True):
         assert_array_equal(row.cam_T_obj, pose)
+
+
+@pytest.mark.parametrize("threshold", [0.0, 0.8, 1e-05, 0.123456, 1.0, None])
+@pytest.mark.parametrize("probability", [0.0, 0.79996, 1.0])
+@pytest.mark.parametrize("excess", ["", "larger than in training"])
+def test_a_reason_says_what_decided(
+    probability: float, threshold: float | None, excess: str
+) -> None:
+    disagreement = Disagreement(0.5, 0.001, excess) if excess else None
+    verdict = decide(probability, threshold, disagreement=disagreement)
+    assert said_by(verdict.reason) == (threshold, bool(excess))
+
+
+@pytest.mark.parametrize("reason", ["", "why", "probability 0.5 >= 7e99", "probability 0.5 < 1-2"])
+def test_a_reason_of_others_says_nothing(reason: str) -> None:
+    assert said_by(reason) == (None, False)

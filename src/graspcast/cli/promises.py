@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 __all__ = ["confidence_of", "print_alternatives", "promised", "rate_of"]
 
 
+_LEAST = 0.001
+
+
 def rate_of(promise: Promise | None) -> str:
     """Return a promised rate in three digits, rounded down; a dash without one."""
     return "-" if promise is None else _down(promise.rate)
@@ -97,8 +100,8 @@ def promised(certificate: Certificate, unit: str) -> str:
     had = (
         f"it would have been promised with confidence {_down(most)} at most, had that been asked "
         "for beforehand"
-        if most > 0
-        else "no confidence above 0 could have been asked for"
+        if most >= _LEAST
+        else "no confidence worth asking for would have been enough"
     )
     lines.append(f"As to the rate of {rate:g}, {had}.")
     if guarantee.needed_units is not None:

@@ -260,7 +260,9 @@ def certify_trials(
         },
         **target,
     )
-    return replace(certificate, alternatives=_alternatives(mine, asked, sequence))
+    # With the confidence of a single guarantee, as that for all objects has.
+    one = replace(asked, confidence=certificate.overall.confidence)
+    return replace(certificate, alternatives=_alternatives(mine, one, sequence))
 
 
 def _alternatives(
