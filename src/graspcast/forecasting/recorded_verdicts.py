@@ -15,7 +15,7 @@ from graspcast.forecasting.verdict import VerdictRow
 from graspcast.forecasting.view_verdicts import BEST, FUSED
 from graspcast.forecasting.visibility_features import seen_in_images
 from graspcast.guarantees.look_policy import LookPolicy
-from graspcast.io.progress import Progress
+from graspcast.io.progress import Progress, step_of
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.choice import MIN_PARALLAX_RAD, ViewsFrom
 from graspcast.views.fused_estimates import FusedEstimates
@@ -115,7 +115,9 @@ def judge_recorded(
     """Fuse the instances of one dataset, and judge them; ``options`` are further ones of judge."""
     uses_image = forecaster.visibility is not None and forecaster.visibility.uses_image
     out = []
-    for fused in fused_of(forecaster, inputs, dataset, motion, settings, progress):
+    # About as long as fusing takes judging.
+    fusing = step_of(progress, 0, 2)
+    for fused in fused_of(forecaster, inputs, dataset, motion, settings, fusing):
         seen: dict[str, Any] = {"seen": seen_in_images(inputs, fused)} if uses_image else {}
         rows = forecaster.judge(
             fused,
