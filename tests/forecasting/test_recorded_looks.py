@@ -42,7 +42,15 @@ def test_every_instance_of_the_guide_gets_a_verdict_by_the_views_there_are(
     inputs = Inputs({"d": BopDataset(root)}, {"d": given.results})
     motions = {"d": given.motion}
     settings = ViewSettings(views_from="all", guide="fused")
-    with_views = verdicts_with_views(Fallbacks([forecaster]), inputs, motions, settings)
+    shares: list[float] = []
+    with_views = verdicts_with_views(
+        Fallbacks([forecaster]),
+        inputs,
+        motions,
+        settings,
+        progress=lambda share, _: shares.append(share),
+    )
+    assert shares[0] == 0.0 and shares == sorted(shares) and 0.3 < shares[-1] < 1.0
     assert len(with_views) == len(given.data)
     assert [row.key for row in with_views] == sorted(row.key for row in with_views)
     assert {row.views for row in with_views} == {3}

@@ -15,6 +15,7 @@ from graspcast.cli.options import (
     share,
     write_json,
 )
+from graspcast.cli.progress import waiting
 from graspcast.errors import InputError
 from graspcast.io.wording import counted
 
@@ -171,7 +172,8 @@ def _monitor_log(options: argparse.Namespace, certificate: Certificate) -> int:
     try:
         while options.follow and not status.alarm:
             state.save()
-            time.sleep(_POLL_S)
+            with waiting():
+                time.sleep(_POLL_S)
             status = monitor.update(log)
     except KeyboardInterrupt:
         note("interrupted; the state is saved")
@@ -184,7 +186,7 @@ def _monitor_log(options: argparse.Namespace, certificate: Certificate) -> int:
         reasons = ", ".join(f"{n} ({why})" for why, n in status.left_out.items())
         note(f"outcomes that do not count: {reasons}")
     if status.waiting:
-        waiting = counted(status.waiting, "outcome", "waits", "wait")
-        note(f"{waiting} for the other attempts of the episode, or for the next episode")
+        late = counted(status.waiting, "outcome", "waits", "wait")
+        note(f"{late} for the other attempts of the episode, or for the next episode")
     print_text(status.message)
     return 3 if status.alarm else 0

@@ -177,13 +177,13 @@ def _predict(options: argparse.Namespace) -> None:
         if options.explain:
             raise InputError("--explain is of one view: leave out --camera-poses and --guide")
         given = models, inputs, motions, policy_options(options)
-        with progress_bar("judging"):
+        with progress_bar("judging") as move:
             if options.stages:
-                looks = looks_with_views(*given, **how)
+                looks = looks_with_views(*given, progress=move, **how)
                 write_stages(options.stages, looks)
                 rows = [each.last for each in looks]
             else:
-                rows = verdicts_with_views(*given, **how)
+                rows = verdicts_with_views(*given, progress=move, **how)
     else:
         with progress_bar("judging"):
             rows = models.verdict_rows(inputs, explain=options.explain, **how)

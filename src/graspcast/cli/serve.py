@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from graspcast.cli.options import Verbs, new_verb, positive, share
+from graspcast.cli.progress import waiting
 from graspcast.errors import InputError
 
 __all__ = ["add"]
@@ -121,4 +122,5 @@ def _serve(options: argparse.Namespace) -> None:
         if log is not None and certificates and certificates[0].overall.threshold is not None:
             monitor = partial(LogMonitor.of(certificates[0]).update, log)
         log_to(requests=not options.quiet)
-        serve(watcher, listener, token=token, monitor=monitor)
+        with waiting():
+            serve(watcher, listener, token=token, monitor=monitor)

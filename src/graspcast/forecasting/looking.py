@@ -19,6 +19,7 @@ from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.recorded_verdicts import ViewSettings, judge_recorded
 from graspcast.forecasting.verdict import InstanceLooks, VerdictRow
 from graspcast.forecasting.view_verdicts import FUSED
+from graspcast.io.progress import Progress, step_of
 from graspcast.io.wording import counted
 from graspcast.views.camera_motion import CameraMotion
 from graspcast.views.fused_estimates import FusedEstimates
@@ -111,6 +112,7 @@ def run_policy(
     guarantee: str | None = None,
     ood_alpha: float = OOD_ALPHA,
     reachable: Reachable | None = None,
+    progress: Progress | None = None,
 ) -> PolicyRun:
     """Run the look-again policy over the recorded images of one dataset.
 
@@ -133,6 +135,8 @@ def run_policy(
         The policy. ``max_views`` is not used: a stage has as many views as looks.
     threshold, guarantee, ood_alpha, reachable
         As for :meth:`Forecaster.judge`.
+    progress
+        Called with the share done and a short message.
 
     Raises
     ------
@@ -157,6 +161,8 @@ def run_policy(
     options |= {"ood_alpha": ood_alpha, "reachable": reachable}
     for looks in range(1, settings.max_looks + 1):
         stage = replace(settings, max_views=looks)
+        step = step_of(progress, looks - 1, settings.max_looks)
+        options["progress"] = step
         parts = judge_recorded(forecaster, inputs, dataset, motion, stage, **options)
         stages.append([_named(row, looks) for _, rows in parts for row in rows])
         there = [f.gathered.present.any(axis=2).sum(axis=1) for f, _ in parts]

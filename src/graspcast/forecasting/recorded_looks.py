@@ -17,6 +17,7 @@ from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.recorded_verdicts import ViewSettings, check_views, policy_of
 from graspcast.forecasting.verdict import InstanceLooks, VerdictRow
 from graspcast.guarantees.certificate import Certificate
+from graspcast.io.progress import Progress, step_of
 from graspcast.views.camera_motion import CameraMotion
 
 __all__ = ["check_motions", "looks_with_views", "verdicts_with_views"]
@@ -32,6 +33,7 @@ def verdicts_with_views(
     certificates: Sequence[Certificate] = (),
     ood_alpha: float = OOD_ALPHA,
     reachable: Reachable | None = None,
+    progress: Progress | None = None,
 ) -> list[VerdictRow]:
     """Return a verdict on every instance of the principal's, ordered by key.
 
@@ -50,6 +52,8 @@ def verdicts_with_views(
         Which views serve, and who guides.
     threshold, certificates, ood_alpha, reachable
         As for :meth:`Fallbacks.verdict_rows`.
+    progress
+        Called with the share done and a short message.
 
     Raises
     ------
@@ -69,6 +73,7 @@ def verdicts_with_views(
         certificates=certificates,
         ood_alpha=ood_alpha,
         reachable=reachable,
+        progress=progress,
     )
     return [looks.last for looks in found]
 
@@ -131,6 +136,7 @@ def _by_instance(
     certificates: Sequence[Certificate] = (),
     ood_alpha: float = OOD_ALPHA,
     reachable: Reachable | None = None,
+    progress: Progress | None = None,
 ) -> list[InstanceLooks]:
     """Judge by each model in turn; where one has no forecast, the next answers."""
     usable = models.usable(inputs.estimators)
@@ -140,7 +146,7 @@ def _by_instance(
     # What is certified is certified for the principal's instances.
     settings = replace(settings, others=not certificates)
     out: dict[InstanceKey, InstanceLooks] = {}
-    for forecaster in usable:
+    for i, forecaster in enumerate(usable):
         options: dict[str, Any] = {"threshold": threshold, "ood_alpha": ood_alpha}
         options["reachable"] = reachable
         if certificates:
@@ -148,7 +154,9 @@ def _by_instance(
             policy = policy_of(forecaster, settings, views=bool(motions))
             overall = certificate_of(forecaster, certificates, ood_alpha, policy).overall
             options |= {"threshold": overall.threshold, "guarantee": str(overall)}
-        for dataset in inputs.results:
+        for k, dataset in enumerate(inputs.results):
+            number, steps = i * len(inputs.results) + k, len(usable) * len(inputs.results)
+            options["progress"] = step_of(progress, number, steps)
             found = run(forecaster, inputs, dataset, motions.get(dataset), settings, **options)
             for key, looks in zip(found.instances.to_keys(), found.each, strict=True):
                 if key not in out or _unanswered(out[key].last):

@@ -15,6 +15,7 @@ from graspcast.forecasting.verdict import VerdictRow
 from graspcast.forecasting.view_verdicts import BEST, FUSED
 from graspcast.forecasting.visibility_features import seen_in_images
 from graspcast.guarantees.look_policy import LookPolicy
+from graspcast.io.progress import Progress, step_of
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.choice import MIN_PARALLAX_RAD, ViewsFrom
 from graspcast.views.fused_estimates import FusedEstimates
@@ -70,6 +71,7 @@ def fused_of(
     dataset: str,
     motion: CameraMotion | None,
     settings: ViewSettings,
+    progress: Progress | None = None,
 ) -> list[FusedEstimates]:
     """Fuse what a forecaster needs, of one dataset; the inputs' notes get what is left out.
 
@@ -94,6 +96,7 @@ def fused_of(
         views_from=settings.views_from,
         max_views=settings.max_views if motion is not None else 1,
         min_parallax_rad=settings.min_parallax_rad,
+        progress=progress,
     )
     inputs.add_notes(text for part in found for text in part.notes)
     return found
@@ -105,12 +108,16 @@ def judge_recorded(
     dataset: str,
     motion: CameraMotion | None,
     settings: ViewSettings,
+    *,
+    progress: Progress | None = None,
     **options: Any,
 ) -> list[tuple[FusedEstimates, list[VerdictRow]]]:
     """Fuse the instances of one dataset, and judge them; ``options`` are further ones of judge."""
     uses_image = forecaster.visibility is not None and forecaster.visibility.uses_image
     out = []
-    for fused in fused_of(forecaster, inputs, dataset, motion, settings):
+    # About as long as fusing takes judging.
+    fusing = step_of(progress, 0, 2)
+    for fused in fused_of(forecaster, inputs, dataset, motion, settings, fusing):
         seen: dict[str, Any] = {"seen": seen_in_images(inputs, fused)} if uses_image else {}
         rows = forecaster.judge(
             fused,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -248,17 +248,9 @@ def fuse_estimates(
         raise UnknownNameError("estimator", principal, tuple(results), parameters=("principal",))
     rules = view_rules(views_from, max_views, min_parallax_rad, noise)
     sane, notes = checked_estimates(results, motion, [principal], dataset=dataset, models=models)
-    return fuse_sane(
-        sane,
-        motion,
-        rules,
-        spreads or Spreads(),
-        dataset=dataset,
-        principal=principal,
-        models=models,
-        notes=notes,
-        progress=progress,
-    )
+    of: dict[str, Any] = {"dataset": dataset, "principal": principal, "models": models}
+    spreads = spreads or Spreads()
+    return fuse_sane(sane, motion, rules, spreads, notes=notes, progress=progress, **of)
 
 
 @checked(

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
+from graspcast.io.progress import Progress, step_of
 from graspcast.views.camera_motion import CameraNoise
 from graspcast.views.choice import MIN_PARALLAX_RAD, ViewsFrom
 from graspcast.views.fused_estimates import (
@@ -32,6 +33,7 @@ def fuse_estimates_by(
     views_from: ViewsFrom = "earlier",
     max_views: int = 3,
     min_parallax_rad: float = MIN_PARALLAX_RAD,
+    progress: Progress | None = None,
 ) -> list[FusedEstimates]:
     """Fuse estimates, each object in an image by the first principal that has an estimate of it.
 
@@ -41,6 +43,8 @@ def fuse_estimates_by(
         As for :func:`~graspcast.views.fused_estimates.fuse_estimates`.
     principals
         Names, in the order in which they are preferred.
+    progress
+        Called with the share done, and the number of objects in images.
 
     Returns
     -------
@@ -56,23 +60,26 @@ def fuse_estimates_by(
     rules = view_rules(views_from, max_views, min_parallax_rad, noise)
     sane, notes = checked_estimates(results, motion, principals, dataset=dataset, models=models)
     done: frozenset[tuple[int, int, int]] = frozenset()
-    out = []
+    steps: list[tuple[str, frozenset[tuple[int, int, int]]]] = []
     for name in principals:
         keys = _keys(sane[name])
         if keys - done:
-            part = fuse_sane(
-                sane,
-                motion,
-                replace(rules, without=done),
-                Spreads(),
-                dataset=dataset,
-                principal=name,
-                models=models,
-                notes=notes,
-            )
-            out.append(part)
+            steps.append((name, done))
         done |= keys
-    return out
+    return [
+        fuse_sane(
+            sane,
+            motion,
+            replace(rules, without=others),
+            Spreads(),
+            dataset=dataset,
+            principal=name,
+            models=models,
+            notes=notes,
+            progress=step_of(progress, i, len(steps)),
+        )
+        for i, (name, others) in enumerate(steps)
+    ]
 
 
 def _keys(table: Results) -> frozenset[tuple[int, int, int]]:
