@@ -18,9 +18,11 @@ from graspcast.bop.dataset import BopDataset
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
 from graspcast.estimates.alignment import estimate_ids
+from graspcast.estimates.consistency import check_tables
 from graspcast.estimates.instances import split_object_name
 from graspcast.estimates.loading import Inputs
 from graspcast.estimates.outcomes import TRIAL_SCHEMA
+from graspcast.estimates.selection import known_objects
 from graspcast.io.wording import counted
 from graspcast.views.camera_motion import CameraMotion
 
@@ -98,9 +100,22 @@ def recorded(
         ranked.group_by("dataset", "estimator", maintain_order=True), key=lambda item: item[0]
     ):
         results.setdefault(str(dataset), {})[str(estimator)] = _results(rows, names)
-    inputs = Inputs({k: v for k, v in (datasets or {}).items() if k in results}, results, notes)
+    used = {name: given for name, given in (datasets or {}).items() if name in results}
+    for name, found in results.items():
+        _check(found, used.get(name), notes)
+    inputs = Inputs(used, results, notes)
     frames = pl.concat([table for _, _, table in tables])
     return Recorded(inputs, outcomes, _motions(frames, results, names))
+
+
+def _check(found: dict[str, Results], dataset: BopDataset | None, notes: list[str]) -> None:
+    """Check lengths, and leave out objects without a model where there is a directory of models."""
+    if dataset is not None:
+        for name, table in found.items():
+            found[name] = known_objects(table, dataset, lenient=True)
+            if left := len(table) - len(found[name]):
+                notes.append(f"dropped {counted(left, 'estimate')} by {name} of other objects")
+    check_tables(found, None if dataset is None else dataset.models)
 
 
 def _with_images(log: AttemptLog, number: int) -> tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]:
