@@ -9,6 +9,7 @@ from graspcast.errors import InputError
 from graspcast.guarantees.threshold_sequence import (
     ThresholdSequence,
     default_sequence,
+    from_threshold_on,
     learn_sequence,
     split_sequence,
 )
@@ -66,3 +67,12 @@ def test_bad_sequences_are_refused(
 ) -> None:
     with pytest.raises(InputError, match=message):
         ThresholdSequence(thresholds, weights, "the test")
+
+
+def test_thresholds_below_one_give_it_what_they_were_allowed() -> None:
+    whole = ThresholdSequence((0.9, 0.8, 0.7, 0.6), (0.1, 0.2, 0.3, 0.4), "test")
+    cut = from_threshold_on(whole, 0.75)
+    assert cut.thresholds == (0.9, 0.8, 0.75)
+    assert cut.weights == pytest.approx((0.1, 0.2, 0.7))
+    assert from_threshold_on(whole, 0.5) is whole
+    assert from_threshold_on(whole, 0.95).thresholds == (0.95,)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_table, print_text
+from graspcast.cli.log_options import add_from_log, check_sources, logs_of
 from graspcast.cli.options import (
     Verbs,
     add_images,
@@ -24,6 +25,7 @@ from graspcast.cli.options import (
 from graspcast.cli.progress import progress_bar
 from graspcast.cli.promises import confidence_of, print_alternatives, promised, rate_of
 from graspcast.cli.view_options import add_policy, motions_of, policy_options
+from graspcast.errors import InputError
 from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
@@ -47,10 +49,11 @@ def add(verbs: Verbs) -> None:
         "be promised instead, and how much data would be needed. Scenes (or images) are assumed\n"
         "to be independent; the trials within one need not be.",
     )
-    add_inputs(verb)
+    add_inputs(verb, required=False)
+    add_from_log(verb, "whose decisions by this model are certified")
     add_images(verb)
     verb.add_argument("--model", metavar="PATH", type=Path, required=True, help="from train")
-    add_outcomes(verb, required=True)
+    add_outcomes(verb, required=False)
     add_policy(
         verb,
         max_looks="certify looking until the probability reaches the threshold, a further look "
@@ -125,10 +128,8 @@ def _certify(options: argparse.Namespace) -> None:
     from graspcast.forecasting.forecaster import Forecaster
     from graspcast.forecasting.recorded_verdicts import one_view_notes
 
+    check_sources(options, outcomes=True)
     forecaster = Forecaster.load(options.model)
-    alone = forecaster.visibility
-    inputs = inputs_with_images(options, used=alone is not None and alone.uses_image)
-    forecaster.card.check_estimators(inputs.estimators)
     asked = GuaranteeOptions(
         rate=options.rate,
         confidence=options.confidence,
@@ -143,6 +144,13 @@ def _certify(options: argparse.Namespace) -> None:
         seed=options.seed,
         allow_training_scenes=options.allow_training_scenes,
     )
+    if options.from_log:
+        certificate = _of_log(options, forecaster, asked)
+        _finish(options, certificate)
+        return
+    alone = forecaster.visibility
+    inputs = inputs_with_images(options, used=alone is not None and alone.uses_image)
+    forecaster.card.check_estimators(inputs.estimators)
     several = options.camera_poses or options.guide is not None or options.max_looks > 1
     certified = _with_views if several else _of_one_view
     with progress_bar("certifying"):
@@ -151,6 +159,29 @@ def _certify(options: argparse.Namespace) -> None:
     views = bool(options.camera_poses)
     inputs.add_notes(one_view_notes([forecaster], options.guide, views=views))
     note(*inputs.notes, *inputs.lengths)
+    _finish(options, certificate)
+
+
+def _of_log(
+    options: argparse.Namespace, forecaster: Forecaster, asked: GuaranteeOptions
+) -> Certificate:
+    """Certify what the decisions in attempt logs show."""
+    from graspcast.evaluation.logged_certification import certify_log
+
+    unused = ("camera_poses", "images", "bop", "ground_truth", "objects", "scenes")
+    if given := [name for name in unused if getattr(options, name)]:
+        raise InputError(
+            "from a log, its decisions are certified as they were made, without further data",
+            parameters=("from_log", *given),
+        )
+    settings, views = policy_options(options), options.max_looks > 1
+    found = certify_log(forecaster, logs_of(options), asked, settings, views=views)
+    note(*found.notes)
+    return found.certificate
+
+
+def _finish(options: argparse.Namespace, certificate: Certificate) -> None:
+    """Write and print the certificate."""
     seen = certificate.provenance["training_scenes"]
     if seen is None:
         note("the model does not state its training scenes; make sure that these are others")

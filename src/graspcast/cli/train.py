@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from graspcast.cli.console import note, print_table, print_text
 from graspcast.cli.cost_options import add_costs, costs_of, print_thresholds
+from graspcast.cli.log_options import add_from_log, check_sources, recorded_of
 from graspcast.cli.options import (
     Verbs,
     add_images,
@@ -25,6 +26,7 @@ from graspcast.cli.view_options import add_views, fusion_options, motions_of
 from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
+    from graspcast.attempt_log.recorded import Recorded
     from graspcast.estimates.loading import Inputs
     from graspcast.evaluation.threshold_trials import HeldOut
     from graspcast.forecasting.forecaster import Forecaster
@@ -46,7 +48,8 @@ def add(verbs: Verbs) -> None:
         "file. One estimator alone is forecast by how well the object is seen, which is much\n"
         "weaker; with camera poses, by several views.",
     )
-    add_inputs(verb)
+    add_inputs(verb, required=False)
+    add_from_log(verb, "whose outcomes are trained on")
     add_images(verb)
     verb.add_argument(
         "--principal", metavar="NAME", required=True, help="estimator that guides the grasp"
@@ -169,8 +172,10 @@ def _train(options: argparse.Namespace) -> None:
     from graspcast.forecasting.train import fit_forecaster
     from graspcast.simulation.grasps.table import read_grasps
 
-    inputs = inputs_with_images(options)
-    data = _training_data(options, inputs)
+    check_sources(options, outcomes=False)
+    logged = recorded_of(options) if options.from_log else None
+    inputs = inputs_with_images(options) if logged is None else logged.inputs
+    data = _training_data(options, inputs, logged)
     note(*inputs.notes, *inputs.lengths)
     settings = {
         "method": options.method,
@@ -185,7 +190,7 @@ def _train(options: argparse.Namespace) -> None:
         ),
     }
     scores: dict[str, dict[str, Any]] = {}
-    scored = bool(options.outcomes)
+    scored = bool(options.outcomes or logged)
     if not scored:
         note("no scores, since without --outcomes there are no outcomes to compare forecasts with")
     others: dict[str, HeldOut] = {}
@@ -271,7 +276,9 @@ def _print_thresholds(
     return out
 
 
-def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
+def _training_data(
+    options: argparse.Namespace, inputs: Inputs, logged: Recorded | None
+) -> TrainingData:
     """Read the training data; adds to the notes what some instances lack."""
     from dataclasses import replace
 
@@ -282,7 +289,7 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
     from graspcast.forecasting.training_data import TrainingData
     from graspcast.forecasting.view_data import fuse_for_training
 
-    if not (options.outcomes or options.simulated):
+    if not (options.outcomes or options.simulated or logged):
         raise InputError(
             "there are neither outcomes nor simulated trials to learn from; where no real trials "
             "were made, graspcast simulate gives a campaign's directory of them",
@@ -296,12 +303,14 @@ def _training_data(options: argparse.Namespace, inputs: Inputs) -> TrainingData:
             "leave out --images, or the other estimators"
         )
     estimates = inputs.estimates(options.principal, only=needed if options.learn_from else None)
-    outcomes = load_outcomes(options.outcomes, estimates.estimators) if options.outcomes else None
+    outcomes = None if logged is None else logged.outcomes
+    if options.outcomes:
+        outcomes = load_outcomes(options.outcomes, estimates.estimators)
     simulated = None
     if options.simulated:
         simulated = SimulatedTrials.read(options.simulated, options.gripper)
     truth = None
-    motions = motions_of(options, inputs)
+    motions = motions_of(options, inputs) if logged is None else logged.motions
     if options.method in ("blend", "two-stage") and (several or motions):
         truth = inputs.truth(estimates, options.principal)
     data = TrainingData.join(

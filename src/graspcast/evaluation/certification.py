@@ -37,6 +37,7 @@ __all__ = [
     "certify_forecaster",
     "certify_trials",
     "check_scenes",
+    "learned_sequence",
 ]
 
 
@@ -178,20 +179,37 @@ def certify_forecaster(
     instances = instances.select(known)
     trials = CalibrationTrials(instances, p[known, None], (success == 1)[known, None])
     more = {"without_outcome": int((~known).sum())} if forecaster.card.grasps else {}
-    out_of_fold = getattr(forecaster.predictor, "out_of_fold", None)
-    learned = None
-    if not sequence_share and out_of_fold is not None:
-        learned = learn_sequence(
-            out_of_fold.probability,
-            out_of_fold.success,
-            out_of_fold.units(unit),
-            calibration_units=len(np.unique(unit_names(instances, unit))),
-            rate=rate,
-            confidence=confidence,
-            weight=weight,
-        )
+    learned = learned_sequence(forecaster, instances, asked)
     card = forecaster.card
     return certify_trials(card, trials, asked, training_scenes, sequence=learned, provenance=more)
+
+
+def learned_sequence(
+    forecaster: Forecaster, instances: Instances, asked: GuaranteeOptions
+) -> ThresholdSequence | None:
+    """Return the sequence by out-of-fold predictions; None without, or if a share teaches it.
+
+    Parameters
+    ----------
+    forecaster
+        With out-of-fold predictions of its training data, if it has any.
+    instances
+        Of the calibration data.
+    asked
+        What is to be guaranteed.
+    """
+    out_of_fold = getattr(forecaster.predictor, "out_of_fold", None)
+    if asked.sequence_share or out_of_fold is None:
+        return None
+    return learn_sequence(
+        out_of_fold.probability,
+        out_of_fold.success,
+        out_of_fold.units(asked.unit),
+        calibration_units=len(np.unique(unit_names(instances, asked.unit))),
+        rate=asked.rate,
+        confidence=asked.confidence,
+        weight=asked.weight,
+    )
 
 
 def certify_trials(

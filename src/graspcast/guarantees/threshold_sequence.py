@@ -32,6 +32,7 @@ __all__ = [
     "ThresholdSequence",
     "check_target",
     "default_sequence",
+    "from_threshold_on",
     "learn_sequence",
     "split_sequence",
 ]
@@ -97,6 +98,24 @@ class ThresholdSequence:
         thresholds = tuple(float(t) for t in content["thresholds"])
         weights = tuple(float(w) for w in content["weights"])
         return cls(thresholds, weights, str(content["source"]))
+
+
+def from_threshold_on(sequence: ThresholdSequence, lowest: float) -> ThresholdSequence:
+    """Return a sequence without thresholds below one, which gets what was allowed to them.
+
+    Parameters
+    ----------
+    sequence
+        As it would be tested if outcomes were known at all thresholds.
+    lowest
+        The threshold below which nothing was attempted.
+    """
+    kept = [t for t in sequence.thresholds if t > lowest]
+    if len(kept) == len(sequence.thresholds):
+        return sequence
+    rest = max(1.0 - sum(sequence.weights[: len(kept)]), 0.0)
+    weights = (*sequence.weights[: len(kept)], rest)
+    return replace(sequence, thresholds=(*kept, lowest), weights=weights)
 
 
 def check_target(name: str, value: float) -> None:
