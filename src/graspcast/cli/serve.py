@@ -116,6 +116,7 @@ def _serve(options: argparse.Namespace) -> None:
             guide=options.guide,
             max_looks=options.max_looks,
             log=log,
+            source="service",
         )
         monitor = None
         if log is not None and certificates and certificates[0].overall.threshold is not None:
