@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from graspcast.bop.detections import read_detections
     from graspcast.bop.pose_rows import Stated
     from graspcast.bop.results import Results, read_results, write_results
-    from graspcast.demo_data import demo_dataset
+    from graspcast.demo_data import demo_dataset, demo_model
     from graspcast.diagnosis.diagnose import diagnose
     from graspcast.diagnosis.finding import Finding
     from graspcast.errors import GraspcastError
@@ -111,7 +111,7 @@ _HOME = {
         "read_results",
         "write_results",
     ),
-    "demo_data": ("demo_dataset",),
+    "demo_data": ("demo_dataset", "demo_model"),
     "diagnosis.diagnose": ("diagnose",),
     "diagnosis.finding": ("Finding",),
     "errors": ("GraspcastError",),
