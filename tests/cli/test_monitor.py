@@ -9,7 +9,9 @@ import numpy as np
 import polars as pl
 import pytest
 
+from attempt_records import certified, decision, frame
 from commands import refused
+from graspcast.attempt_log import AttemptLog, OutcomeRecord
 from graspcast.cli import main
 from graspcast.guarantees.certify import certify
 from graspcast.guarantees.drift_monitor import DriftMonitor
@@ -143,3 +145,47 @@ def test_a_certificate_without_a_threshold_is_refused(
     n = np.arange(10)
     certify(np.full(10, 0.95), n > 5, n, rate=0.9, confidence=0.9).save(path)
     assert "guarantees nothing" in refused(monitor(path, tmp_path, tmp_path / "no.csv"), capsys)
+
+
+def write_attempts(path: Path, numbers: range, rate: int) -> str:
+    """Append episodes of one attempt each, of which one in ``rate`` succeeds."""
+    with AttemptLog.open(path) as log:
+        log.add([frame(i) for i in numbers])
+        for i in numbers:
+            log.add_outcome(OutcomeRecord(f"d{i}", i % rate == 0))
+    return str(path)
+
+
+def test_an_attempt_log_is_read_live(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stated = tmp_path / "certificate.json"
+    certified(principal="epos", gripper="franka").save(stated)
+    log, state = tmp_path / "log.db", tmp_path / "s.json"
+    arguments = ["monitor", "--certificate", str(stated), "--state", str(state)]
+    arguments += ["--attempt-log", write_attempts(log, range(10), 1)]
+    with AttemptLog.open(log) as writer:
+        assert main(arguments) == 0
+        out, err = capsys.readouterr()
+        assert "no alarm. 9 attempts, success rate 1.000" in out
+        assert "1 outcome waits for the other attempts" in err
+        once = state.read_bytes()
+        assert main(arguments) == 0
+        assert state.read_bytes() == once
+        writer.add([frame(100, decision(100, gripper="robotiq"))])
+        writer.add_outcome(OutcomeRecord("d100", False))
+    write_attempts(log, range(10, 40), 5)
+    assert main([*arguments, "--follow", "--json", str(tmp_path / "m.json")]) == 3
+    out, err = capsys.readouterr()
+    assert "ALARM since attempt" in out
+    assert "1 (another gripper)" in err
+    assert json.loads((tmp_path / "m.json").read_text())["alarm"] is True
+    assert main([*arguments, "--close-unit"]) == 3
+    assert main([*arguments, "--restart"]) == 0
+
+
+def test_a_table_cannot_be_followed(
+    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = write_log(tmp_path / "log.csv", [True] * 10)
+    assert "only an attempt log can be followed" in refused(
+        monitor(certificate, tmp_path, log, "--follow"), capsys
+    )

@@ -14,9 +14,9 @@ from typing import Any
 
 import httpx
 import pytest
-from graspcast.attempt_log.log import AttemptLog
 
 from commands import refused
+from graspcast.attempt_log.log import AttemptLog
 from graspcast.cli import main
 from graspcast.demo_data import demo_model
 from graspcast.runtime.frame import Estimate, Frame

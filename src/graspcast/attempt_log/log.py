@@ -15,6 +15,7 @@ from typing import Any
 import polars as pl
 
 from graspcast._version import __version__
+from graspcast.attempt_log.checking import check_rows
 from graspcast.attempt_log.database import connect_reading, connect_writing, in_words
 from graspcast.attempt_log.records import FrameRecord, OutcomeRecord
 from graspcast.attempt_log.rows import utc_text
@@ -175,6 +176,17 @@ class AttemptLog:
                 yield connection
         finally:
             connection.close()
+
+    def check(self) -> dict[str, int]:
+        """Check every page and every row, and return the numbers of frames, decisions, outcomes.
+
+        Raises
+        ------
+        FormatError
+            Naming the first row that is not as it was written.
+        """
+        with self.reading() as connection:
+            return check_rows(connection, self.path)
 
     def table(self, wanted: Wanted | None = None) -> pl.DataFrame:
         """Return one row for each decision, in the log's order, with its outcome if there is one.

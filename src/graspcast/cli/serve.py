@@ -31,8 +31,8 @@ def add(verbs: Verbs) -> None:
         metavar="PATH",
         action="append",
         required=True,
-        help="from train, or demo for one of the demonstration's objects; further ones, trained "
-        "with fewer supporters, serve where a supporter is missing",
+        help="from train, or demo, the demonstration's (a file of that name is ./demo); further "
+        "ones, trained with fewer supporters, serve where a supporter is missing",
     )
     verb.add_argument(
         "--threshold",
@@ -93,7 +93,6 @@ def _serve(options: argparse.Namespace) -> None:
 
     check_installed()
     from graspcast.attempt_log.log import AttemptLog
-    from graspcast.demo_data import demo_model
     from graspcast.guarantees.certificate import Certificate
     from graspcast.guarantees.log_monitor import LogMonitor
     from graspcast.runtime.watcher import Watcher
@@ -110,7 +109,7 @@ def _serve(options: argparse.Namespace) -> None:
         log = stack.enter_context(AttemptLog.open(options.log)) if options.log else None
         certificates = [Certificate.load(path) for path in options.certificate]
         watcher = Watcher.load(
-            *(demo_model() if text == "demo" else text for text in options.model),
+            *options.model,
             threshold=options.threshold,
             certificate=certificates or None,
             guide=options.guide,
