@@ -67,6 +67,10 @@ def add(verbs: Verbs) -> None:
         type=Path,
         help="keep every decision and outcome in this log; it is made if it does not exist",
     )
+    _add_place(verb)
+
+
+def _add_place(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--host", metavar="NAME", default="127.0.0.1", help="where to listen (default: 127.0.0.1)"
     )
