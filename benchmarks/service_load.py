@@ -208,13 +208,15 @@ def told(name: str, service: Service, ask: Any) -> None:
     cpu, own = service.cpu_s() - cpu, time.process_time() - own
     frames, count = np.subtract(service.batches(), before)
     ms = 1e3 * np.percentile(times, [50, 95, 99, 100])
-    print(
-        f"{name:<18}{len(times) / spent:8.0f} frames/s   p50 {ms[0]:.1f}  p95 {ms[1]:.1f}  "
-        f"p99 {ms[2]:.1f}  max {ms[3]:.1f} ms   failed {failed}   "
-        f"{frames / count:.1f} a batch   processor a frame: service "
-        f"{1e3 * cpu / len(times):.2f} ms, this {1e3 * own / len(times):.2f} ms",
-        flush=True,
+    parts = (
+        f"{name:<18}{len(times) / spent:8.0f} frames/s",
+        f"p50 {ms[0]:.1f}  p95 {ms[1]:.1f}  p99 {ms[2]:.1f}  max {ms[3]:.1f} ms",
+        f"failed {failed}",
+        f"{frames / count:.1f} a batch",
+        f"processor a frame: service {1e3 * cpu / len(times):.2f} ms, "
+        f"this {1e3 * own / len(times):.2f} ms",
     )
+    print("   ".join(parts), flush=True)
 
 
 async def outcomes_until_killed(service: Service, number: int, seconds: float) -> dict[str, bool]:

@@ -19,6 +19,8 @@ import httpx
 from graspcast.service.app import create_app
 
 TESTS = Path(__file__).parent
+PATHS = os.pathsep.join([str(TESTS.parent / "src"), str(TESTS)])
+ENVIRONMENT = {**os.environ, "PYTHONPATH": PATHS}
 
 
 def asked(watcher: Any, *requests: tuple[str, str, dict[str, Any]], **options: Any) -> list[Any]:
@@ -94,12 +96,11 @@ def read_all(connection: socket.socket) -> bytes:
 def running(command: Sequence[str], folder: Path, **environment: str) -> Iterator[Process]:
     """Run a command that serves, and wait until it says where."""
     log = folder / f"service-{len(list(folder.iterdir()))}.log"
-    path = os.pathsep.join([str(TESTS.parent / "src"), str(TESTS)])
     with log.open("wb") as file:
         process = subprocess.Popen(
             [sys.executable, *command],
             stderr=file,
-            env={**os.environ, "PYTHONPATH": path, **environment},
+            env={**ENVIRONMENT, **environment},
         )
     try:
         yield Process(process, log, _url(process, log))

@@ -1,11 +1,14 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 from typing import Any
 
 import pytest
 
-from graspcast.service.answers import AnswerOut, HealthOut, ProblemOut, RecordedOut
+from graspcast.errors import InputError
+from graspcast.guarantees.log_monitor import MonitorStatus
+from graspcast.service.answers import AnswerOut, HealthOut, MonitorOut, ProblemOut, RecordedOut
 from graspcast.service.app import create_app
 from graspcast.service.limits import Limits
 from service_client import asked
@@ -184,3 +187,43 @@ def test_the_documentation_has_examples_that_are_answered() -> None:
             assert operation["summary"], path
             assert operation["description"], path
             assert "HTTPValidationError" not in json.dumps(operation)
+
+
+def test_the_monitors_alarm_is_shown() -> None:
+    status = MonitorStatus(
+        "all", alarm=True, alarm_at=7, e_value=30.0, max_e_value=31.0, attempts=9, successes=2,
+        waiting=0, rate=0.9, alpha=0.05, outcomes_read=9, left_out={"late": 1},
+    )  # fmt: skip
+    without, counts = asked(StubWatcher(), get("/monitor"), get("/metrics"))
+    assert (without.status_code, "graspcast_monitor_alarm" in counts.text) == (404, False)
+    told, metrics = asked(StubWatcher(), get("/monitor"), get("/metrics"), monitor=lambda: status)
+    assert MonitorOut.model_validate_json(told.content).alarm_at == 7
+    assert "ALARM since attempt 7" in told.json()["message"]
+    assert "graspcast_monitor_alarm 1.0" in metrics.text
+
+
+def test_a_log_that_cannot_be_written_is_told() -> None:
+    class Full(StubWatcher):
+        def judge_all(self, frames: Any) -> list[Any]:
+            return [self.full() for _ in frames]
+
+        def outcome(self, *_: object) -> None:
+            raise self.full()
+
+        def full(self) -> InputError:
+            error = InputError("the disk is full")
+            error.__cause__ = sqlite3.OperationalError("full")
+            return error
+
+    responses = asked(Full(), post("/frames", frame()), post("/outcomes", OUTCOME))
+    for response in responses:
+        assert (response.status_code, response.json()["detail"]) == (503, "the disk is full")
+
+
+def test_outcomes_need_a_log() -> None:
+    class Forgetful(StubWatcher):
+        def outcome(self, *_: object) -> None:
+            raise InputError("this watcher has no log", parameters=("log",))
+
+    (response,) = asked(Forgetful(), post("/outcomes", OUTCOME))
+    assert response.status_code == 409

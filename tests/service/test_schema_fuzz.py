@@ -37,7 +37,7 @@ def answered_as_documented(case: Any, service: Process) -> None:
 
 
 @schema.parametrize()
-@settings(given, max_examples=10)
+@settings(given, max_examples=5)
 def test_what_is_made_up_is_answered_as_documented(case: Any, service: Process) -> None:
     answered_as_documented(case, service)
 

@@ -32,8 +32,8 @@ def add(verbs: Verbs) -> None:
         metavar="PATH",
         action="append",
         required=True,
-        help="from train, or demo for one of the demonstration's objects; further ones, trained "
-        "with fewer supporters, serve where a supporter is missing",
+        help="from train, or demo, the demonstration's (a file of that name is ./demo); further "
+        "ones, trained with fewer supporters, serve where a supporter is missing",
     )
     verb.add_argument(
         "--threshold",
@@ -68,6 +68,10 @@ def add(verbs: Verbs) -> None:
         type=Path,
         help="keep every decision and outcome in this log; it is made if it does not exist",
     )
+    _add_place(verb)
+
+
+def _add_place(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--host", metavar="NAME", default="127.0.0.1", help="where to listen (default: 127.0.0.1)"
     )
@@ -94,7 +98,6 @@ def _serve(options: argparse.Namespace) -> None:
 
     check_installed()
     from graspcast.attempt_log.log import AttemptLog
-    from graspcast.demo_data import demo_model
     from graspcast.guarantees.certificate import Certificate
     from graspcast.guarantees.log_monitor import LogMonitor
     from graspcast.runtime.watcher import Watcher
@@ -111,12 +114,13 @@ def _serve(options: argparse.Namespace) -> None:
         log = stack.enter_context(AttemptLog.open(options.log)) if options.log else None
         certificates = [Certificate.load(path) for path in options.certificate]
         watcher = Watcher.load(
-            *(demo_model() if text == "demo" else text for text in options.model),
+            *options.model,
             threshold=options.threshold,
             certificate=certificates or None,
             guide=options.guide,
             max_looks=options.max_looks,
             log=log,
+            source="service",
         )
         monitor = None
         if log is not None and certificates and certificates[0].overall.threshold is not None:

@@ -12,6 +12,7 @@ from numpy import ndarray
 from graspcast.bop.models import Models
 from graspcast.errors import GraspcastError, MismatchError
 from graspcast.estimates.instances import split_object_name
+from graspcast.forecasting.episode_options import decision_options
 from graspcast.forecasting.episode_verdict import EpisodeVerdict
 from graspcast.forecasting.episodes import Episodes
 from graspcast.forecasting.forecaster import Forecaster
@@ -58,6 +59,12 @@ class Judge:
         self._deciding = Deciding(
             forecaster, self.models, one.order, one.decision_options, one.max_looks
         )
+
+    @property
+    def policy(self) -> dict[str, Any]:
+        """What it decides by: guide, threshold, guarantee, most looks, and more."""
+        options = decision_options(self.forecaster, guarantee=None, **self.options)
+        return {**options, "max_looks": int(self.options["max_looks"])}
 
     def warm_up(self) -> None:
         """Load what the first looks, and the second ones, would wait for."""

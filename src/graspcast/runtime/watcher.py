@@ -12,7 +12,6 @@ from graspcast.attempt_log.records import FrameRecord, OutcomeRecord
 from graspcast.bop.models import Models
 from graspcast.demo_data import model_path
 from graspcast.errors import GraspcastError, InputError, UnknownNameError
-from graspcast.forecasting.episode_options import decision_options
 from graspcast.forecasting.fallbacks import Fallbacks, certificate_of
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.grasp_ranking import refuse_mask
@@ -182,14 +181,8 @@ class Watcher:
 
     @property
     def policies(self) -> list[dict[str, Any]]:
-        """What each forecaster decides by: guide, threshold, guarantee, and as many looks."""
-        return [
-            {
-                **decision_options(judge.forecaster, guarantee=None, **judge.options),
-                "max_looks": int(judge.options["max_looks"]),
-            }
-            for judge in self._panel.judges
-        ]
+        """What each forecaster decides by (:attr:`Judge.policy`)."""
+        return [judge.policy for judge in self._panel.judges]
 
     def warm_up(self) -> None:
         """Prepare, so that the first answer is as fast as later ones.

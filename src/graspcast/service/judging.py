@@ -86,11 +86,7 @@ class Judging:
 
     def _frames(self, frames: Sequence[Frame]) -> list[Reply | Exception]:
         """Judge the first looks at several scenes, and record them together."""
-        try:
-            answers = self._watcher.judge_all(frames)
-        except GraspcastError as error:
-            # What is wrong with one frame is its own answer; this is what is wrong with the log.
-            return [problem_of(error, _status(error)) for _ in frames]
+        answers = self._watcher.judge_all(frames)
         self._metrics.judged(len(frames))
         return [self._reply(answer) for answer in answers]
 
@@ -125,7 +121,7 @@ class Judging:
 
     def _reply(self, answer: Answer | GraspcastError) -> Reply | Exception:
         if isinstance(answer, GraspcastError):
-            return problem_of(answer)
+            return problem_of(answer, _status(answer))
         actions = [decision.action for decision in answer.decisions]
         self._metrics.decided(actions)
         told = {"frames": 1, "decisions": len(actions), "attempts": actions.count("attempt")}
@@ -143,10 +139,12 @@ def _tried(do: Callable[..., Reply | Exception], *arguments: Any) -> Reply | Exc
 
 
 def _status(error: GraspcastError) -> int:
-    """Return 404 for unknown episodes and decisions, 409 for contradictions, 503 without a disk."""
+    """Return 404 for unknown ids, 409 for contradictions, 503 where the log cannot be written."""
     if isinstance(error.__cause__, sqlite3.Error):
         # The log cannot be written: the disk is full, for example.
         return 503
+    if "log" in error.parameters:
+        return 409
     if not _IDS.intersection(error.parameters):
         return 422
     return 409 if isinstance(error, MismatchError) else 404

@@ -6,7 +6,8 @@ import json
 import logging
 import sys
 from datetime import UTC, datetime
-from typing import Any, TextIO
+from io import TextIOBase
+from typing import Any
 
 __all__ = ["REQUESTS", "JsonLines", "log_to"]
 
@@ -33,7 +34,7 @@ class JsonLines(logging.Formatter):
         return json.dumps(content)
 
 
-def log_to(stream: TextIO | None = None, *, requests: bool = True) -> None:
+def log_to(stream: TextIOBase | None = None, *, requests: bool = True) -> None:
     """Log what the service and its server do to a stream.
 
     Parameters
