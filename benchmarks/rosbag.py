@@ -143,8 +143,8 @@ def main() -> None:
                 size = path.stat().st_size / 1e6
                 if not label:
                     print(
-                        f"{kind}: {done.messages} messages ({size:.0f} MB), {done.judged} frames of "
-                        f"{done.frames} judged in {took:.1f} s: {done.messages / took:,.0f} "
+                        f"{kind}: {done.messages} messages ({size:.0f} MB), {done.judged} frames "
+                        f"of {done.frames} judged in {took:.1f} s: {done.messages / took:,.0f} "
                         f"messages/s, {done.judged / took:.0f} frames/s; memory +{grown:.0f} MB"
                     )
                 path.unlink(), out.unlink()

@@ -38,7 +38,6 @@ def add(verbs: Verbs) -> None:
     )
     verb.add_argument(
         "--estimates",
-        dest="topics",
         metavar="NAME=TOPIC",
         action="append",
         required=True,
@@ -142,7 +141,7 @@ def _rosbag(options: argparse.Namespace) -> None:
         timeout_s=options.timeout_s,
         episodes=options.episodes,
     )
-    topics = pairs(options.topics, "estimates")
+    topics = pairs(options.estimates, "estimates")
     certificates = [Certificate.load(path) for path in options.certificate]
     watcher = Watcher.load(
         *options.model,

@@ -136,13 +136,15 @@ class BagReader:
             known = [f"{name} ({kind})" for name, kind in self.topics().items()]
             near = get_close_matches(topic, list(self.topics()), n=1)
             hint = f"These are in {self.path}" + (f"; did you mean {near[0]}?" if near else "")
-            raise UnknownNameError("topic", topic, known, hint=hint, parameters=("topics",))
+            raise UnknownNameError(
+                "topic", topic, known, hint=hint, parameters=("topics", "estimates")
+            )
         for connection in found:
             if connection.msgtype not in types:
                 raise InputError(
                     f"{self.path}, topic {topic}: should be of type {' or '.join(types)}, but is "
                     f"{connection.msgtype}",
-                    parameters=("topics",),
+                    parameters=("topics", "estimates"),
                 )
         return found
 
