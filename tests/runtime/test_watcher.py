@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from episode_world import FOUND, World, new_world
-from graspcast.errors import InputError, UnknownEpisodeError, UnknownNameError
+from graspcast.attempt_log.log import AttemptLog
+from graspcast.errors import GraspcastError, InputError, UnknownEpisodeError, UnknownNameError
 from graspcast.pose.transforms import compose
 from graspcast.runtime.answer import Answer
 from graspcast.runtime.frame import Estimate, Frame
 from graspcast.runtime.watcher import Watcher
+from graspcast.simulation.grasps.table import GraspTable, ReferenceGrasp
+from graspcast.simulation.objects.types import Grasp
 from looked_at import CAMERAS, NAMES
 
 
@@ -128,3 +132,74 @@ def test_a_model_file_is_loaded(world: World, tmp_path: Path) -> None:
     watcher.warm_up()
     assert "a with b, c" in repr(watcher)
     assert len(watcher.judge(frame(0))) == 2
+
+
+def test_decisions_are_in_the_log_before_an_answer_and_outcomes_follow(
+    world: World, tmp_path: Path
+) -> None:
+    with AttemptLog.open(tmp_path / "log.db") as log:
+        watcher = Watcher(world.forecaster, log=log, threshold=0.1, source="test")
+        answer = watcher.judge(frame(0))
+        watcher.judge(frame(1), answer.episode)
+        watcher.judge_all([frame(2), frame(3)])
+        assert log.decisions()["id"].to_list()[:2] == [d.id for d in answer]
+        assert len(log.decisions()) == 8 and len(log.frames()) == 4
+        watcher.outcome(answer.attempts[0].id, True)
+        assert log.outcomes()["success"].to_list() == [True]
+        with pytest.raises(InputError, match="no decision"):
+            watcher.outcome("f" * 32, True)
+
+
+def test_outcomes_need_a_log(watcher: Watcher) -> None:
+    with pytest.raises(InputError, match="this watcher has none"):
+        watcher.outcome("f" * 32, True)
+
+
+def test_what_cannot_be_logged_is_not_answered(world: World, tmp_path: Path) -> None:
+    log = AttemptLog.open(tmp_path / "log.db")
+    watcher = Watcher(world.forecaster, log=log)
+    answer = watcher.judge(frame(0))
+    log.close()
+    with pytest.raises(GraspcastError):
+        watcher.judge(frame(0))
+    with pytest.raises(GraspcastError):
+        watcher.judge(frame(1), answer.episode)
+    assert "1 episode)" in repr(watcher)
+
+
+def test_the_gripper_goes_where_the_grasp_is_on_the_object(world: World) -> None:
+    hold = compose(CAMERAS[0], np.eye(4))
+    hold[:3, 3] = [0.0, 0.01, 0.02]
+    table = GraspTable(
+        [ReferenceGrasp(Grasp(obj_T_grasp=hold, object="d-1", gripper="parallel"), "test")]
+    )
+    forecaster = world.forecaster.with_objects(world.models, table)
+    answer = Watcher(forecaster, threshold=0.01).judge(frame(0))
+    first, second = answer
+    assert first.attempt and second.attempt
+    assert first.cam_T_obj is not None and first.cam_T_grasp is not None
+    assert first.world_T_grasp is not None and first.grasp == "reference"
+    np.testing.assert_allclose(first.cam_T_grasp, first.cam_T_obj @ hold, atol=1e-12)
+    np.testing.assert_allclose(first.world_T_grasp, CAMERAS[0] @ first.cam_T_grasp, atol=1e-12)
+    assert second.cam_T_grasp is None
+    assert any("grasp reference of d-2 by parallel" in note for note in answer.notes)
+
+
+def test_many_threads_ask_at_once(world: World) -> None:
+    watcher = Watcher(world.forecaster, threshold=0.7)
+    watcher.warm_up()
+    expected = [
+        [d.probability for d in each] for each in watcher.judge_all([frame(i) for i in range(4)])
+    ]
+    shared = watcher.judge(frame(0)).episode
+    order: list[int] = []
+
+    def ask(number: int) -> list[float | None]:
+        if number % 8 == 0:
+            order.append(watcher.judge(frame(number % 3), shared).look)
+        return [d.probability for d in watcher.judge(frame(number % 4))]
+
+    with ThreadPoolExecutor(16) as pool:
+        found = list(pool.map(ask, range(96)))
+    assert found == [expected[i % 4] for i in range(96)]
+    assert sorted(order) == list(range(2, 14))

@@ -60,7 +60,7 @@ class Estimate:
 
     def __post_init__(self) -> None:
         name = self.object_name
-        if not isinstance(name, str) or len(name) > _LONGEST_NAME:
+        if not isinstance(name, str) or len(name) > _LONGEST_NAME or not name.isprintable():
             shown = repr(name) if len(repr(name)) < 80 else f"{repr(name)[:77]}…"
             raise InputError(
                 f"Estimate: an object's name is DATASET-NUMBER, for example ycbv-5, not {shown}",

@@ -16,8 +16,10 @@ from graspcast.forecasting.episode_verdict import EpisodeVerdict
 from graspcast.forecasting.episodes import Episodes
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.grasp_ranking import Reachable
+from graspcast.io.hashing import canonical_json, sha256
 from graspcast.runtime.first_looks import Batch, Deciding
 from graspcast.runtime.frame import Frame
+from graspcast.runtime.rehearsal import rehearse
 
 __all__ = ["Judge"]
 
@@ -46,6 +48,9 @@ class Judge:
         known = forecaster.known
         carried = None if known is None else known.models
         self.forecaster, self.options = forecaster, options
+        certificate = options.get("certificate")
+        said = None if certificate is None else sha256(canonical_json(certificate.as_dict()))
+        self.digests = forecaster.card.digest, said
         self.models = carried if models is None else models
         self._grasps = {} if known is None else known.grasps
         _check_objects(forecaster, self.models)
@@ -55,8 +60,9 @@ class Judge:
         )
 
     def warm_up(self) -> None:
-        """Load what the first verdict would wait for."""
+        """Load what the first looks, and the second ones, would wait for."""
         self.forecaster.warm_up(self.models)
+        rehearse(self)
 
     def grasps_of(self, object_name: str) -> Mapping[str, Float[ndarray, "4 4"]]:
         """Return the poses of an object's grasps on it, by name, where they are known."""

@@ -47,6 +47,10 @@ class Scene:
         """Return the number of an instance in the episode, a new one where it has none."""
         return self.numbers.setdefault((dataset, instance), len(self.numbers))
 
+    def next(self) -> int:
+        """Return which look the next one is."""
+        return self.count + 1
+
     def add(self, frame: Frame) -> None:
         """Keep a further frame."""
         self.frames = [*self.frames, frame][-_KEPT:]

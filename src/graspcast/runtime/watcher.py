@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from typing import Any
 from uuid import uuid4
 
+from graspcast.attempt_log.log import AttemptLog
+from graspcast.attempt_log.records import FrameRecord, OutcomeRecord
 from graspcast.bop.models import Models
 from graspcast.errors import GraspcastError, InputError, UnknownNameError
-from graspcast.forecasting.episode_verdict import EpisodeVerdict
 from graspcast.forecasting.fallbacks import Fallbacks, certificate_of
 from graspcast.forecasting.forecaster import Forecaster
+from graspcast.forecasting.grasp_ranking import refuse_mask
 from graspcast.forecasting.look_again import MIN_GAIN
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.guarantees.certificate import Certificate
-from graspcast.io.arguments import NAME, a, checked, mapping, number, sequence
+from graspcast.io.arguments import FLAG, NAME, a, checked, mapping, number, sequence
 from graspcast.io.wording import counted
 from graspcast.runtime.answer import Answer, Decision
 from graspcast.runtime.decisions import decision_of, without_pose
 from graspcast.runtime.frame import Frame
 from graspcast.runtime.judging import Judge
 from graspcast.runtime.nothing_sane import nothing_sane
+from graspcast.runtime.panel import Judged, Panel
+from graspcast.runtime.reach import check_reachable
+from graspcast.runtime.recording import frame_record
 from graspcast.runtime.scenes import Scene, Scenes
 from graspcast.views.camera_motion import CameraNoise
 
@@ -55,7 +59,10 @@ class Watcher:
     certificate
         Of this policy, or one for each forecaster: its threshold and guarantee are used.
     log
-        Where decisions and outcomes are kept; decisions are there before an answer is returned.
+        Where decisions and outcomes are kept (opened for writing); decisions are on disk before an
+        answer is returned.
+    source
+        Who asks, for the log.
     max_episodes
         How many episodes are kept; the one not used for longest makes room for a new one.
     episode_ttl_s
@@ -77,6 +84,8 @@ class Watcher:
         min_gain=number(0.0, 1.0),
         noise=a(CameraNoise),
         ood_alpha=number(0.0, 1.0),
+        log=a(AttemptLog),
+        source=NAME,
         max_episodes=number(1.0, 1e7),
         episode_ttl_s=number(1e-3, 1e9),
     )
@@ -92,7 +101,8 @@ class Watcher:
         min_gain: float = MIN_GAIN,
         noise: CameraNoise | None = None,
         ood_alpha: float = OOD_ALPHA,
-        log: Any = None,
+        log: AttemptLog | None = None,
+        source: str = "api",
         max_episodes: int = 1000,
         episode_ttl_s: float = 3600.0,
     ):
@@ -107,14 +117,15 @@ class Watcher:
             "ood_alpha": ood_alpha,
         }
         certificates = _listed(certificate)
-        self._judges = [
+        judges = [
             Judge(f, models, certificate=_certificate(f, certificates, ood_alpha), **options)
             for f in self.forecasters
         ]
+        self._panel, self._certified = Panel(judges), bool(certificates)
         self.gripper = self.forecasters[0].card.gripper
         every = (name for f in self.forecasters for name in f.card.estimators)
         self.estimators = tuple(dict.fromkeys(every))
-        self._log = log
+        self._log, self._source = log, source
         self._scenes = Scenes(int(max_episodes), float(episode_ttl_s))
 
     @classmethod
@@ -149,7 +160,7 @@ class Watcher:
 
         Call it before threads are started, and before the process forks.
         """
-        for judge in self._judges:
+        for judge in self._panel.judges:
             judge.warm_up()
 
     @checked(frame=a(Frame), episode=NAME)
@@ -183,12 +194,14 @@ class Watcher:
         scene = self._scenes.get(episode)
         with scene.lock:
             try:
-                found = self._further(scene, frame)
-                scene.add(frame)
-                return self._answer(episode, scene, frame, found)
+                found = self._panel.further_look(scene, frame)
+                answer, record = self._answer(episode, scene.next(), scene, frame, found)
+                self._write([record])
             except GraspcastError:
                 scene.running.clear()
                 raise
+            scene.add(frame)
+            return answer
 
     @checked(frames=sequence(a(Frame)))
     def judge_all(self, frames: Sequence[Frame]) -> list[Answer | GraspcastError]:
@@ -211,15 +224,51 @@ class Watcher:
                 good.append(i)
             except GraspcastError as error:
                 out[i] = error
-        found = self._first([frames[i] for i in good])
+        found = self._panel.first_looks([frames[i] for i in good])
+        scenes, records = {}, []
         for i, verdicts in zip(good, found, strict=True):
             if isinstance(verdicts, GraspcastError):
                 out[i] = verdicts
                 continue
             episode, scene = uuid4().hex, Scene([frames[i]])
-            out[i] = self._answer(episode, scene, frames[i], verdicts)
-            self._scenes.add(episode, scene)
+            answer, record = self._answer(episode, 1, scene, frames[i], verdicts)
+            out[i], scenes[i] = answer, (episode, scene)
+            records.append(record)
+        try:
+            self._write(records)
+        except GraspcastError as error:  # what is not in the log is not answered
+            out = [error if i in scenes else answer for i, answer in enumerate(out)]
+        else:
+            for episode, scene in scenes.values():
+                self._scenes.add(episode, scene)
         return [answer for answer in out if answer is not None]
+
+    @checked(decision_id=NAME, success=FLAG, reason=NAME)
+    def outcome(self, decision_id: str, success: bool, reason: str | None = None) -> None:
+        """Write to the log what came of an attempt.
+
+        Parameters
+        ----------
+        decision_id
+            :attr:`Decision.id`.
+        success
+            Whether the grasp held.
+        reason
+            How it failed, or whatever else is to be known.
+
+        Raises
+        ------
+        InputError
+            If there is no log, or no such decision in it.
+        MismatchError
+            If the opposite was recorded before.
+        """
+        if self._log is None:
+            raise InputError(
+                "outcomes are kept in a log, and this watcher has none: give it one",
+                parameters=("log",),
+            )
+        self._log.add_outcome(OutcomeRecord(decision_id, bool(success), reason))
 
     @checked(episode=NAME)
     def forget(self, episode: str) -> None:
@@ -239,71 +288,59 @@ class Watcher:
                 raise UnknownNameError(
                     "estimator", name, self.estimators, parameters=("estimates",)
                 )
-        named = frame.reachable if isinstance(frame.reachable, Mapping) else ()
-        for name in named:
-            if not any(name in f.card.objects for f in self.forecasters):
-                known = self.forecasters[0].card.objects
-                raise UnknownNameError("reachable object", name, known, parameters=("reachable",))
-
-    def _first(
-        self, frames: Sequence[Frame]
-    ) -> list[list[tuple[str, EpisodeVerdict]] | GraspcastError]:
-        """Judge first looks: verdicts with their datasets."""
-        out: list[list[tuple[str, EpisodeVerdict]] | GraspcastError] = [[] for _ in frames]
-        for dataset in sorted({name for frame in frames for name in frame.datasets}):
-            rows = [i for i, frame in enumerate(frames) if dataset in frame.datasets]
-            main = self._judges[0].first_looks([frames[i] for i in rows], dataset)
-            for judge in self._judges[1:]:
-                again = [j for j, found in enumerate(main) if _lacks(found, judge)]
-                others = judge.first_looks([frames[rows[j]] for j in again], dataset)
-                for j, other in zip(again, others, strict=True):
-                    main[j] = _better(main[j], other)
-            for i, found in zip(rows, main, strict=True):
-                kept = out[i]
-                if isinstance(kept, GraspcastError):
-                    continue
-                if isinstance(found, GraspcastError):
-                    out[i] = found
-                else:
-                    kept += [(dataset, verdict) for verdict in found]
-        return out
-
-    def _further(self, scene: Scene, frame: Frame) -> list[tuple[str, EpisodeVerdict]]:
-        """Judge a further look."""
-        datasets = sorted({name for each in (*scene.frames, frame) for name in each.datasets})
-        out = []
-        for dataset in datasets:
-            found: list[EpisodeVerdict] | GraspcastError = []
-            for m, judge in enumerate(self._judges):
-                if m and not _lacks(found, judge):
-                    continue
-                episodes = scene.running.get((m, dataset))
-                if episodes is None or episodes.count < scene.count:
-                    episodes = scene.running[m, dataset] = judge.replayed(dataset, scene.frames)
-                other = judge.look(episodes, frame)
-                found = _better(found, other) if m else other
-            assert isinstance(found, list)
-            out += [(dataset, verdict) for verdict in found]
-        return out
+        if frame.reachable is not None:
+            if self._certified:
+                refuse_mask(frame.reachable)
+            check_reachable(frame.reachable, [f.card for f in self.forecasters])
 
     def _answer(
-        self, episode: str, scene: Scene, frame: Frame, found: list[tuple[str, EpisodeVerdict]]
-    ) -> Answer:
-        """Return the answer by the verdicts, after it is logged."""
-        decisions: list[Decision] = []
-        judge = self._judges[0]
-        for dataset, verdict in found:
-            instance = scene.number(dataset, verdict.instance)
-            poses = judge.grasps_of(verdict.object_name)
-            decisions.append(
-                decision_of(verdict, instance, gripper=self.gripper, obj_T_grasp=poses)
+        self, episode: str, look: int, scene: Scene, frame: Frame, found: list[Judged]
+    ) -> tuple[Answer, FrameRecord | None]:
+        """Return the answer by the verdicts, and what the log keeps of it."""
+        main, decisions, others = self._panel.judges[0], [], {}
+        for dataset, verdict, judge in found:
+            decision = decision_of(
+                verdict,
+                scene.number(dataset, verdict.instance),
+                gripper=self.gripper,
+                obj_T_grasp=judge.grasps_of(verdict.object_name),
             )
-        there = {verdict.object_name for _, verdict in found}
-        sizes = judge.forecaster.card.diameters_of
-        for name, reason in nothing_sane(frame, there, sizes).items():
-            decisions.append(without_pose(name, reason, gripper=self.gripper, looks=scene.count))
+            decisions.append(decision)
+            if judge is not main:
+                others[decision.id] = judge.digests
+        there = {each.verdict.object_name for each in found}
+        lost = nothing_sane(frame, there, main.forecaster.card.diameters_of)
+        decisions += [
+            without_pose(name, reason, gripper=self.gripper, looks=look)
+            for name, reason in lost.items()
+        ]
         decisions.sort(key=lambda decision: (decision.instance < 0, decision.instance))
-        return Answer(episode, scene.count, tuple(decisions))
+        notes = tuple(dict.fromkeys(self._notes(frame, decisions)))
+        answer = Answer(episode, look, tuple(decisions), notes)
+        if self._log is None:
+            return answer, None
+        record = frame_record(
+            frame, answer, digests=main.digests, others=others, source=self._source
+        )
+        return answer, record
+
+    def _notes(self, frame: Frame, decisions: Sequence[Decision]) -> Iterator[str]:
+        """Say which estimators are not in the frame, and which attempts lack a gripper's pose."""
+        card = self.forecasters[0].card
+        silent = [name for name in card.estimators if not frame.estimates.get(name)]
+        if silent:
+            yield f"no estimate by {', '.join(silent)} in this frame"
+        for d in decisions:
+            if d.attempt and d.cam_T_grasp is None:
+                yield (
+                    f"the model file does not carry the grasp {d.grasp} of {d.object_name} by "
+                    f"{d.gripper}, so there is no pose of the gripper: train it again with the "
+                    "grasps that the outcomes are of"
+                )
+
+    def _write(self, records: Sequence[FrameRecord | None]) -> None:
+        if self._log is not None:
+            self._log.add([record for record in records if record is not None])
 
 
 def _listed(certificate: Any) -> list[Certificate]:
@@ -330,27 +367,3 @@ def _certificate(
         if certificate.provenance.get("model") == card.digest:
             return certificate
     return certificate_of(forecaster, certificates, ood_alpha)
-
-
-def _lacks(found: list[EpisodeVerdict] | GraspcastError, judge: Judge) -> bool:
-    """Return whether a further model may forecast what the models before it did not."""
-    if isinstance(found, GraspcastError):
-        return False
-    known = judge.forecaster.card.objects
-    return any(v.probability is None and v.object_name in known for v in found)
-
-
-def _better(
-    found: list[EpisodeVerdict] | GraspcastError, other: list[EpisodeVerdict] | GraspcastError
-) -> list[EpisodeVerdict] | GraspcastError:
-    """Return the verdicts with those of a further model where only that one has a forecast."""
-    if isinstance(found, GraspcastError) or isinstance(other, GraspcastError):
-        return found
-    # All of one frame, so object and rank by score are enough.
-    forecast = {v.row.key[3:]: v for v in other if v.row is not None and v.probability is not None}
-    out = []
-    for verdict in found:
-        key = None if verdict.row is None else verdict.row.key[3:]
-        better = forecast.get(key) if verdict.probability is None and key is not None else None
-        out.append(verdict if better is None else replace(better, instance=verdict.instance))
-    return out
