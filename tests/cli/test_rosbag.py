@@ -73,6 +73,6 @@ def test_mistakes_are_one_message_with_the_option(
     told = refused(wrong, capsys)
     assert "unknown topic '/nothing'" in told and "/a (vision_msgs/msg/Detection3DArray)" in told
     assert "no such bag" in refused(
-        ["rosbag", str(given / "none"), *command(given, out)[2:]], capsys
+        ["rosbag", str(given / "absent"), *command(given, out)[2:]], capsys
     )
     assert list(tmp_path.iterdir()) == []

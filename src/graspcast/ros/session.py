@@ -49,7 +49,11 @@ class Session:
                 log = stack.enter_context(AttemptLog.open(given.attempt_log))
             certificates = [Certificate.load(path) for path in given.certificates]
             self._watcher = Watcher.load(
-                *given.models, certificate=certificates or None, log=log, **given.options
+                *given.models,
+                certificate=certificates or None,
+                log=log,
+                source="node",
+                **given.options,
             )
             self._watcher.warm_up()
             self.judge = StreamJudge(self._watcher, given.settings, tuple(given.topics))
