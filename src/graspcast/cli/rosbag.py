@@ -52,6 +52,16 @@ def add(verbs: Verbs) -> None:
         "none",
     )
     _add_frames(verb)
+    _add_policy(verb)
+    verb.add_argument(
+        "--prefix",
+        metavar="TOPIC",
+        default="/graspcast",
+        help="of the topics that are added (default: /graspcast)",
+    )
+
+
+def _add_policy(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--threshold",
         metavar="P",
@@ -77,12 +87,6 @@ def add(verbs: Verbs) -> None:
         type=positive,
         default=3,
         help="looks at one scene after which looking again is never advised (default: 3)",
-    )
-    verb.add_argument(
-        "--prefix",
-        metavar="TOPIC",
-        default="/graspcast",
-        help="of the topics that are added (default: /graspcast)",
     )
 
 
