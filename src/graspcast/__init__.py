@@ -37,11 +37,12 @@ from typing import TYPE_CHECKING, Any
 from graspcast._version import __version__
 
 if TYPE_CHECKING:
+    from graspcast.attempt_log.log import AttemptLog
     from graspcast.bop.dataset import BopDataset
     from graspcast.bop.detections import read_detections
     from graspcast.bop.pose_rows import Stated
     from graspcast.bop.results import Results, read_results, write_results
-    from graspcast.demo_data import demo_dataset
+    from graspcast.demo_data import demo_dataset, demo_model
     from graspcast.diagnosis.diagnose import diagnose
     from graspcast.diagnosis.finding import Finding
     from graspcast.errors import GraspcastError
@@ -103,6 +104,7 @@ if TYPE_CHECKING:
     from graspcast.views.spread import learn_spreads
 
 _HOME = {
+    "attempt_log.log": ("AttemptLog",),
     "bop.dataset": ("BopDataset",),
     "bop.detections": ("read_detections",),
     "bop.pose_rows": ("Stated",),
@@ -111,7 +113,7 @@ _HOME = {
         "read_results",
         "write_results",
     ),
-    "demo_data": ("demo_dataset",),
+    "demo_data": ("demo_dataset", "demo_model"),
     "diagnosis.diagnose": ("diagnose",),
     "diagnosis.finding": ("Finding",),
     "errors": ("GraspcastError",),

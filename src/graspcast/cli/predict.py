@@ -22,6 +22,7 @@ from graspcast.cli.options import (
     share,
 )
 from graspcast.cli.view_options import add_policy, motions_of, policy_options
+from graspcast.demo_data import model_path
 from graspcast.errors import InputError, MismatchError
 from graspcast.io.wording import counted
 
@@ -51,11 +52,11 @@ def add(verbs: Verbs) -> None:
     verb.add_argument(
         "--model",
         metavar="PATH",
-        type=Path,
+        type=model_path,
         action="append",
         required=True,
-        help="from train; further ones, trained with fewer supporters, serve where a supporter is "
-        "missing",
+        help="from train, or demo, the demonstration's (a file of that name is ./demo); further "
+        "ones, trained with fewer supporters, serve where a supporter is missing",
     )
     verb.add_argument(
         "--threshold",

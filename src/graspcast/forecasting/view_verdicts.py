@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import Verdict, VerdictRow, check_threshold, chosen, decide
 from graspcast.forecasting.view_rankings import view_ranking
 from graspcast.io.arguments import a, checked
+from graspcast.io.cached import cached_property
 from graspcast.pose.sanity import pose_problems
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.fused_estimates import FusedEstimates

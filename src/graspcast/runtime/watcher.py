@@ -10,6 +10,7 @@ from uuid import uuid4
 from graspcast.attempt_log.log import AttemptLog
 from graspcast.attempt_log.records import FrameRecord, OutcomeRecord
 from graspcast.bop.models import Models
+from graspcast.demo_data import model_path
 from graspcast.errors import GraspcastError, InputError, UnknownNameError
 from graspcast.forecasting.fallbacks import Fallbacks, certificate_of
 from graspcast.forecasting.forecaster import Forecaster
@@ -17,7 +18,17 @@ from graspcast.forecasting.grasp_ranking import refuse_mask
 from graspcast.forecasting.look_again import MIN_GAIN
 from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.guarantees.certificate import Certificate
-from graspcast.io.arguments import FLAG, NAME, a, checked, mapping, number, sequence
+from graspcast.io.arguments import (
+    FLAG,
+    NAME,
+    PATH,
+    a,
+    checked,
+    mapping,
+    number,
+    refuse_unless,
+    sequence,
+)
 from graspcast.io.wording import counted
 from graspcast.runtime.answer import Answer, Decision
 from graspcast.runtime.decisions import decision_of, without_pose
@@ -135,7 +146,8 @@ class Watcher:
         Parameters
         ----------
         paths
-            The files that :meth:`Forecaster.save` and ``graspcast train`` write.
+            The files that :meth:`Forecaster.save` and ``graspcast train`` write; ``demo`` is the
+            demonstration's, in the package (a file of that name is ``./demo``).
         **options
             As for :class:`Watcher`.
 
@@ -146,7 +158,9 @@ class Watcher:
         InputError, MismatchError, UnknownNameError
             As :class:`Watcher`.
         """
-        return cls(*(Forecaster.load(path) for path in paths), **options)
+        for path in paths:
+            refuse_unless(PATH, path, "Watcher.load", "paths")
+        return cls(*(Forecaster.load(model_path(path)) for path in paths), **options)
 
     def __repr__(self) -> str:
         card = self.forecasters[0].card
