@@ -286,3 +286,19 @@ def test_an_empty_bag_has_no_topics(tmp_path, watcher, suffix):
         pass
     with pytest.raises(UnknownNameError, match="known: none"):
         convert_bag(path, target(tmp_path, suffix), watcher, TOPICS, settings(suffix))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_flipped_bytes_end_in_a_bag_or_in_an_error_of_ours(tmp_path, watcher, suffix, seed):
+    path = written(tmp_path, suffix)
+    content = bytearray(files_of(path).read_bytes())
+    rng = np.random.default_rng(seed)
+    for at in rng.integers(0, len(content), size=4 ** (seed % 4)):
+        content[at] = rng.integers(256)
+    files_of(path).write_bytes(bytes(content))
+    try:
+        convert_bag(path, target(tmp_path, suffix), watcher, TOPICS, settings(suffix))
+    except InputError:
+        assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    else:
+        assert sorted(p.name for p in tmp_path.iterdir()) == sorted([path.name, f"out.{suffix}"])

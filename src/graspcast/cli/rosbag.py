@@ -39,7 +39,6 @@ def add(verbs: Verbs) -> None:
     )
     verb.add_argument(
         "--estimates",
-        dest="topics",
         metavar="NAME=TOPIC",
         action="append",
         required=True,
@@ -54,6 +53,16 @@ def add(verbs: Verbs) -> None:
         "none",
     )
     _add_frames(verb)
+    _add_policy(verb)
+    verb.add_argument(
+        "--prefix",
+        metavar="TOPIC",
+        default="/graspcast",
+        help="of the topics that are added (default: /graspcast)",
+    )
+
+
+def _add_policy(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--threshold",
         metavar="P",
@@ -79,12 +88,6 @@ def add(verbs: Verbs) -> None:
         type=positive,
         default=3,
         help="looks at one scene after which looking again is never advised (default: 3)",
-    )
-    verb.add_argument(
-        "--prefix",
-        metavar="TOPIC",
-        default="/graspcast",
-        help="of the topics that are added (default: /graspcast)",
     )
 
 
@@ -143,7 +146,7 @@ def _rosbag(options: argparse.Namespace) -> None:
         timeout_s=options.timeout_s,
         episodes=options.episodes,
     )
-    topics = pairs(options.topics, "estimates")
+    topics = pairs(options.estimates, "estimates")
     certificates = [Certificate.load(path) for path in options.certificate]
     watcher = Watcher.load(
         *options.model,

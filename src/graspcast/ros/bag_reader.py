@@ -93,10 +93,14 @@ class BagReader:
         """Turn what ``rosbags`` raises into one error; it raises many kinds on damaged files."""
         try:
             yield
-        except (InputError, MemoryError, PermissionError):
+        except InputError:
             raise
-        except Exception as error:
-            said = (str(error) or type(error).__name__).splitlines()[0][:300]
+        except PermissionError as error:
+            raise InputError(f"{self.path}: may not be read", parameters=("bag",)) from error
+        except Exception as error:  # MemoryError, too: of a record that says it is so large
+            said = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")[:300]
+            if isinstance(error, MemoryError):
+                said = "a part of it says that it is larger than the memory"
             raise FormatError(
                 self.path,
                 f"{what}: {said}. The bag is damaged, was not closed, or is of an unknown kind; "
@@ -136,13 +140,15 @@ class BagReader:
             known = [f"{name} ({kind})" for name, kind in self.topics().items()]
             near = get_close_matches(topic, list(self.topics()), n=1)
             hint = f"These are in {self.path}" + (f"; did you mean {near[0]}?" if near else "")
-            raise UnknownNameError("topic", topic, known, hint=hint, parameters=("topics",))
+            raise UnknownNameError(
+                "topic", topic, known, hint=hint, parameters=("topics", "estimates")
+            )
         for connection in found:
             if connection.msgtype not in types:
                 raise InputError(
                     f"{self.path}, topic {topic}: should be of type {' or '.join(types)}, but is "
                     f"{connection.msgtype}",
-                    parameters=("topics",),
+                    parameters=("topics", "estimates"),
                 )
         return found
 

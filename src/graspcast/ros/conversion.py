@@ -131,7 +131,7 @@ class _Conversion:
                     raise InputError(
                         f"the topic {topic} is given for {self._estimators[connection.id]} and for "
                         f"{name}; estimators have topics of their own",
-                        parameters=("topics",),
+                        parameters=("topics", "estimates"),
                     )
                 self._estimators[connection.id] = name
                 used.append(connection)

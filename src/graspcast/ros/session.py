@@ -6,8 +6,9 @@ from contextlib import ExitStack
 from typing import Any
 
 from graspcast.guarantees.certificate import Certificate
+from graspcast.guarantees.log_monitor import LogMonitor
 from graspcast.io.wording import counted
-from graspcast.ros.diagnostics import Status, diagnostic_array, judging_status
+from graspcast.ros.diagnostics import Status, diagnostic_array, judging_status, monitor_status
 from graspcast.ros.judging import StreamJudge
 from graspcast.ros.outgoing import Maker
 from graspcast.ros.parameters import NodeSettings
@@ -48,10 +49,16 @@ class Session:
                 log = stack.enter_context(AttemptLog.open(given.attempt_log))
             certificates = [Certificate.load(path) for path in given.certificates]
             self._watcher = Watcher.load(
-                *given.models, certificate=certificates or None, log=log, **given.options
+                *given.models,
+                certificate=certificates or None,
+                log=log,
+                source="node",
+                **given.options,
             )
             self._watcher.warm_up()
             self.judge = StreamJudge(self._watcher, given.settings, tuple(given.topics))
+            followed = certificates if log is not None else []
+            self._log, self._monitors = log, [LogMonitor.of(each) for each in followed]
             self._open = stack.pop_all()
 
     def close(self) -> None:
@@ -84,4 +91,11 @@ class Session:
         """Return the states of the parts, of what happened since they were last asked for."""
         status = judging_status(self.judge, self._counts)
         self._counts = self.judge.problems.counts()
-        return [status]
+        return [status, *self._monitored()]
+
+    def _monitored(self) -> list[Status]:
+        """Return what the monitors of the log say, after the outcomes that came since."""
+        if self._log is None:
+            return []
+        found = [monitor.update(self._log) for monitor in self._monitors]
+        return [monitor_status(status.alarm, status.message) for status in found]
