@@ -9,6 +9,7 @@ from graspcast.evaluation.threshold_table import ThresholdRow, advice, threshold
 from graspcast.evaluation.threshold_trials import threshold_in_use, trials_of_verdicts
 from graspcast.report.content import Cell, Section, Table
 from graspcast.report.decisions import Decisions
+from graspcast.report.forecast_quality import after
 from graspcast.report.looks import LookRows
 from graspcast.report.rates import DRAWS, interval_cell
 
@@ -48,12 +49,12 @@ def _table(
     if not len(trials.probability):
         return None
     found = threshold_table(trials, costs, asked=threshold_in_use(rows), draws=DRAWS)
-    of = f"{looks.paths[-1].name}: " if named else ""
-    after = f" after up to {len(looks.stages)} looks" if len(looks.stages) > 1 else ""
+    of = f"{looks.paths[-1].name}, " if named else ""
+    told = f"verdicts {after(most, most)}" if (most := len(looks.stages)) > 1 else "verdicts"
     table = Table(
         key=f"thresholds-{number + 1}",
-        caption=f"{of}verdicts{after}, by the threshold from which they attempt. Net benefit of a "
-        f"grasp at costs: {costs}.",
+        caption=f"What {of}the {told} would do from other thresholds on. Net benefit of a grasp at "
+        f"costs: {costs}.",
         columns=("threshold", "attempted", "attempts", "succeed", "views", "net benefit", "which"),
         rows=tuple(_row(row) for row in found.rows),
         numeric=(*(True for _ in range(6)), False),
