@@ -30,15 +30,33 @@ def test_what_is_recognised_and_wrong_is_left_out_and_said(tmp_path: Path) -> No
     (directory / "certificate.json").write_text('{"guarantees": [], "sha256": "0"}')
     (directory / "tolerance.json").write_text('{"at_true_pose": 1, "gripper": "g"}')
     (directory / "more.csv").write_text("estimator,success\na,7\n")
+    (directory / "commands.sh").write_bytes(b"\xff\x00")
     files = find_run(directory)
     found = read_run(files)
     assert found.has_outcomes and not found.certificates and not found.tolerances
     said = " ".join(found.problems)
     assert "certificate.json" in said and "is no tolerance" in said and "more.csv" in said
+    assert "commands.sh" in said and found.commands == ""
     # What was named is an error.
     for kind in ("certificates", "tolerances", "outcomes"):
         with pytest.raises(FormatError):
             read_run(files, given=[kind])
+
+
+def test_tolerances_that_are_no_sizes(tmp_path: Path) -> None:
+    directory = write_run(tmp_path / "run", looks=1)
+    for bad in (float("nan"), -1.0, "x"):
+        reach = {**CONTENT["reaches"][0], "success_90": {"value": bad, "low": 0, "high": 1}}
+        content = {**CONTENT, "reaches": [reach, *CONTENT["reaches"][1:]]}
+        (directory / "tolerance.json").write_text(json.dumps(content))
+        found = read_run(find_run(directory))
+        assert not found.tolerances and "is no complete tolerance" in found.problems[0]
+
+
+def test_of_long_commands_the_beginning_is_kept(tmp_path: Path) -> None:
+    directory = write_run(tmp_path / "run", looks=1)
+    (directory / "commands.sh").write_text("x" * 30_000)
+    assert len(read_run(find_run(directory)).commands) < 21_000
 
 
 def test_outcomes_of_other_grasps(tmp_path: Path) -> None:

@@ -97,7 +97,9 @@ def print_thresholds(
             f"Looking ended at {table.most:g}, so what the policy would do at higher thresholds "
             "was not recorded."
         )
-    print_text(_advice(table) if stated else "State your costs for the best threshold at them.")
+    from graspcast.evaluation.threshold_table import advice
+
+    print_text(advice(table) if stated else "State your costs for the best threshold at them.")
 
 
 def _threshold(value: float) -> str:
@@ -111,26 +113,3 @@ def _marks(row: ThresholdRow, stated: list[str]) -> str:
         "best of these": row.best and bool(stated),
     }
     return ", ".join(mark for mark, holds in marks.items() if holds)
-
-
-def _advice(table: ThresholdTable) -> str:
-    """Say which threshold is best, and what that is worth where it was not chosen."""
-    best = table.best
-    at = "attempting nothing" if best.threshold is None else f"threshold {best.threshold:g}"
-    if not table.measured:
-        return (
-            f"Best by the forecasts: {at}, net benefit {best.net_benefit:+.3f} expected. Without "
-            "outcomes that is what the forecasts say of themselves."
-        )
-    text = f"Best on these grasps: {at}, net benefit {best.net_benefit:+.3f}"
-    if best.elsewhere is not None:
-        text += (
-            f"; chosen so on some scenes and tried on the others, {best.elsewhere:+}. The latter "
-            "is what to expect"
-        )
-    if best.at_break_even is not None:
-        text += (
-            f". At the break-even probability {table.costs.break_even:.3g}, which no data chose: "
-            f"{best.at_break_even:+}"
-        )
-    return f"{text}."

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from graspcast.cli.console import note, print_text
+from graspcast.cli.cost_options import add_costs, costs_of
 from graspcast.cli.options import (
     Verbs,
     add_bop,
@@ -99,6 +100,7 @@ def add(verbs: Verbs) -> None:
         default=3,
         help="grasps of each kind to be drawn; 0 draws none (default: 3)",
     )
+    add_costs(verb)
     verb.add_argument("--title", metavar="TEXT", default="", help="of the page")
     add_out(verb, "the report (.html)")
     verb.set_defaults(positional={"runs": "RUN"})
@@ -119,6 +121,7 @@ def _report(options: argparse.Namespace) -> None:
             options.out,
             runs,
             cases=options.cases,
+            costs=costs_of(options),
             title=options.title,
             written=written,
             sensor=options.sensor,

@@ -24,7 +24,7 @@ from graspcast.evaluation.net_benefit import Costs
 from graspcast.evaluation.success_intervals import success_interval
 from graspcast.guarantees.attempts import first_to_reach
 
-__all__ = ["BestThreshold", "ThresholdRow", "ThresholdTable", "threshold_table"]
+__all__ = ["BestThreshold", "ThresholdRow", "ThresholdTable", "advice", "threshold_table"]
 
 _SHARES = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
 """Which shares of the forecasts are above the thresholds of a table, beside 1 (threshold 0)."""
@@ -204,6 +204,29 @@ def threshold_table(
     found = BestThreshold(best, value, elsewhere, at_break_even)
     measured = trials.success is not None
     return ThresholdTable(tuple(rows), len(numbers), len(scenes), costs, measured, found, most)
+
+
+def advice(table: ThresholdTable) -> str:
+    """Say which threshold is best, and what that is worth where it was not chosen."""
+    best = table.best
+    at = "attempting nothing" if best.threshold is None else f"threshold {best.threshold:g}"
+    if not table.measured:
+        return (
+            f"Best by the forecasts: {at}, net benefit {best.net_benefit:+.3f} expected. Without "
+            "outcomes that is what the forecasts say of themselves."
+        )
+    text = f"Best on these grasps: {at}, net benefit {best.net_benefit:+.3f}"
+    if best.elsewhere is not None:
+        text += (
+            f"; chosen so on some scenes and tried on the others, {best.elsewhere:+}. The latter "
+            "is what to expect"
+        )
+    if best.at_break_even is not None:
+        text += (
+            f". At the break-even probability {table.costs.break_even:.3g}, which no data chose: "
+            f"{best.at_break_even:+}"
+        )
+    return f"{text}."
 
 
 def _quantiles(trials: Trials, most: float) -> set[float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,15 +12,13 @@ import polars as pl
 
 from graspcast.errors import MismatchError
 from graspcast.estimates.outcomes import ERROR_COLUMNS, TRIAL_COLUMNS, join_outcomes
+from graspcast.evaluation.threshold_trials import threshold_in_use
 from graspcast.evaluation.verdict_scores import verdict_table
 from graspcast.report.looks import LookRows
 from graspcast.report.pairing import outcomes_of
 from graspcast.report.trials import DETAILS, Trials
 
 __all__ = ["Decisions", "decide_on"]
-
-_THRESHOLD = re.compile(r"probability [\d.]+ (?:>=|<) ([\d.eE+-]+)")
-_UNUSUAL = "out-of-distribution"
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +61,9 @@ class Decisions:
     @property
     def threshold(self) -> float | None:
         """The threshold of all verdicts; None if they state none, or several."""
-        found = self.table["threshold"].drop_nulls().unique()
-        return float(found[0]) if len(found) == 1 else None
+        return threshold_in_use(
+            [row for looks in self.looks for stage in looks.stages for row in stage]
+        )
 
     def at(self, look: int) -> pl.DataFrame:
         """Return the verdicts after a number of looks."""
@@ -127,9 +125,7 @@ def decide_on(
 def _described(each: LookRows, stage: int, first: int) -> pl.DataFrame:
     """Return what verdicts say beside the columns of :func:`verdict_table`."""
     rows = each.stages[stage]
-    said = [str(row.verdict) for row in rows]
-    why = [row.verdict.reason for row in rows]
-    stated = [_THRESHOLD.search(text) for text in why]
+    verdicts = [row.verdict for row in rows]
     return pl.DataFrame(
         {
             "look": pl.Series([stage + 1] * len(rows), dtype=pl.Int64),
@@ -139,21 +135,14 @@ def _described(each: LookRows, stage: int, first: int) -> pl.DataFrame:
             "scene": pl.Series(
                 [f"{row.key.dataset}/{row.key.scene_id}" for row in rows], dtype=pl.String
             ),
-            "said": pl.Series(said, dtype=pl.String),
-            "threshold": pl.Series([_number(found) for found in stated], dtype=pl.Float64),
-            "unusual": pl.Series([_UNUSUAL in text for text in why], dtype=pl.Boolean),
-            "why": pl.Series(why, dtype=pl.String),
+            "said": pl.Series([str(v) for v in verdicts], dtype=pl.String),
+            "threshold": pl.Series([v.threshold for v in verdicts], dtype=pl.Float64),
+            "unusual": pl.Series([bool(v.out_of_distribution) for v in verdicts]),
+            "why": pl.Series([v.reason for v in verdicts], dtype=pl.String),
             "views": pl.Series([row.views for row in rows], dtype=pl.Int64),
             "looks": pl.Series(each.taken[stage].tolist(), dtype=pl.Int64),
         }
     )
-
-
-def _number(found: re.Match[str] | None) -> float | None:
-    try:
-        return None if found is None else float(found[1])
-    except ValueError:
-        return None
 
 
 def _with_outcomes(

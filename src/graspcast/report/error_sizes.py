@@ -59,7 +59,7 @@ def error_section(trials: Sequence[Trials], datasets: Mapping[str, BopDataset]) 
         if aware
         else "Without models, symmetries are not taken into account."
     )
-    told = "Above each bar, how many trials; lines are 95 % intervals by drawing scenes."
+    told = "Above each bar, how many trials; lines are 95 % intervals over scenes."
     return Section(
         key="errors",
         title=_TITLE,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import degrees
+from math import degrees, isfinite
 from typing import Any
 
 import polars as pl
@@ -66,7 +66,7 @@ def _case(run: RunData, painter: Painter, row: Mapping[str, Any]) -> Case:
     assert run.decisions is not None
     number = int(row["row"])
     error = None
-    if all(row[name] is not None for name in ERROR_COLUMNS):
+    if all(row[name] is not None and isfinite(row[name]) for name in ERROR_COLUMNS):
         error = obj_T_est(pl.DataFrame([{name: row[name] for name in ERROR_COLUMNS}]))[0]
     overlay = painter.overlay(row, run.decisions.poses[number], error)
     strip, words = painter.strip(row, int(run.decisions.trials_of[number]), error)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import polars as pl
+
 from graspcast.errors import MismatchError
 from graspcast.evaluation.look_scores import LookScores, PolicyScore, Stage, score_looks
+from graspcast.evaluation.verdict_scores import VerdictScores, attempt_scores
 from graspcast.io.wording import counted
 from graspcast.report.content import Cell, Section, Table
 from graspcast.report.decisions import Decisions
-from graspcast.report.rates import DRAWS, interval_cell, rate_of
+from graspcast.report.rates import DRAWS, interval_cell
 from graspcast.report.text import rate, spread
 
 __all__ = ["Summary", "policies_section", "summarise_run"]
@@ -46,7 +49,10 @@ def summarise_run(decisions: Decisions) -> Summary:
         ("verdicts", f"{len(last):,}", f"in {scenes}"),
         ("attempted", rate(said["attempt"] / len(last)), f"{said['attempt']:,} grasps"),
     ]
-    always, scored = rate_of(first), rate_of(last)
+    tried = [known for table in (first, last) if len(known := table.drop_nulls("success"))]
+    always, scored = (
+        (attempt_scores(t, draws=DRAWS) for t in tried) if len(tried) == 2 else 2 * (None,)
+    )
     lead = f"{counted(len(last), 'verdict')}{ended}: {told}."
     if always is None or scored is None:
         return Summary(f"{lead} There are no outcomes to score them by.", tuple(numbers))
@@ -76,6 +82,12 @@ def summarise_run(decisions: Decisions) -> Summary:
         mean = float(last["looks"].mean())  # type: ignore[arg-type]
         numbers.append(("looks, on average", f"{mean:.2f}", f"of up to {decisions.most_looks}"))
     return Summary(lead, tuple(numbers))
+
+
+def _scores(table: pl.DataFrame) -> VerdictScores | None:
+    """Return the scores of the verdicts with an outcome, as ``score`` gives them."""
+    known = table.drop_nulls("success")
+    return attempt_scores(known, draws=DRAWS) if len(known) else None
 
 
 def policies_section(decisions: Decisions) -> Section:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
 import polars as pl
 
-from graspcast.evaluation.bootstrap import Interval
+from graspcast.evaluation.bootstrap import Interval, original_and_draws
+from graspcast.evaluation.success_intervals import success_interval
 from graspcast.evaluation.verdict_scores import VerdictScores, attempt_scores
 from graspcast.io.wording import counted
 from graspcast.report.content import Cell, Figure, Section, Table
@@ -41,9 +43,24 @@ class GroupRate:
 
 
 def rate_of(table: pl.DataFrame) -> VerdictScores | None:
-    """Return the scores of verdicts with known outcomes; None if there are none."""
+    """Return the scores of verdicts with known outcomes; None if there are none.
+
+    Intervals of success rates are those of few scenes
+    (:mod:`graspcast.evaluation.success_intervals`).
+    """
     known = table.drop_nulls("success")
-    return attempt_scores(known, draws=DRAWS) if len(known) else None
+    if not len(known):
+        return None
+    scenes, numbers = np.unique(known["scene"].to_numpy(), return_inverse=True)
+    counts = original_and_draws(scenes.tolist(), DRAWS, 0)
+    success, attempt = known["success"].to_numpy() == 1, known["attempt"].to_numpy()
+    scores = attempt_scores(known, draws=DRAWS)
+    always = success_interval(np.ones(len(known), dtype=bool), success, numbers, counts)
+    return replace(
+        scores,
+        always=always or scores.always,
+        following=success_interval(attempt, success, numbers, counts),
+    )
 
 
 def rates_by(decisions: Decisions, columns: list[str]) -> list[GroupRate]:
@@ -84,7 +101,7 @@ def rates_section(decisions: Decisions) -> Section:
     return Section(
         key="rates",
         title="Success by object, gripper and grasp",
-        paragraphs=(said + "Intervals are of 95 %, by drawing scenes; one scene alone has none.",),
+        paragraphs=(said + "Intervals are of 95 %, over scenes; those of few scenes are wide.",),
         tables=(
             _table("rates-by-object", "Success rates by object.", ["object"], objects),
             _table(
@@ -134,7 +151,7 @@ def _figure(rates: list[GroupRate]) -> Figure:
     return Figure(
         key="success-by-object",
         title="Success rate by object",
-        caption=f"Dots are rates, lines 95 % intervals by drawing scenes.{left_out}",
+        caption=f"Dots are rates, lines 95 % intervals over scenes.{left_out}",
         svg=interval_chart("Success rate of each object", "success rate", series, rows),
         columns=("object", "success_always", "low", "high", "success_of_attempts", "low", "high"),
         rows=tuple(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import inf
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -25,6 +26,7 @@ from graspcast.report.trials import Trials, read_trials
 __all__ = ["RunData", "read_run"]
 
 T = TypeVar("T")
+_MOST_LETTERS = 20_000
 _TOLERANCE = ("object", "gripper", "grasp", "at_true_pose", "reaches", "scale")
 
 
@@ -95,6 +97,7 @@ def read_run(files: RunFiles, *, sensor: str | None = None, given: Sequence[str]
     def each(kind: str, paths: Sequence[Path], read: Callable[[Path], T]) -> dict[Path, T]:
         return _read_each(paths, read, problems, strict=kind in given)
 
+    commands = () if files.commands is None else (files.commands,)
     trials = tuple(each("outcomes", files.outcomes, read_trials).values())
     looks = read_looks(files.verdicts, files.stages)
     if not looks and not any(len(one.table) for one in trials):
@@ -116,7 +119,7 @@ def read_run(files: RunFiles, *, sensor: str | None = None, given: Sequence[str]
         cards=each("models", files.models, lambda path: Forecaster.load(path).card),
         certificates=each("certificates", files.certificates, Certificate.load),
         tolerances=each("tolerances", files.tolerances, _tolerance),
-        commands="" if files.commands is None else read_text(files.commands, MAX_TEXT_BYTES),
+        commands="".join(each("commands", commands, _commands).values()),
         problems=tuple(dict.fromkeys([*problems, *inputs.notes])),
     )
 
@@ -179,6 +182,19 @@ def _inputs(files: RunFiles, sensor: str | None, problems: list[str], *, strict:
         return Inputs({}, {})
 
 
+def _commands(path: Path) -> str:
+    """Read recorded commands; of a long file the beginning."""
+    text = read_text(path, MAX_TEXT_BYTES)
+    return text if len(text) <= _MOST_LETTERS else f"{text[:_MOST_LETTERS]}\n..."
+
+
+def _check_bounds(bounds: Mapping[str, Any]) -> None:
+    """Raise a ValueError unless a value and its interval are finite and not negative."""
+    values = [float(bounds[end]) for end in ("value", "low", "high")]
+    if not all(0 <= value < inf for value in values):
+        raise ValueError(f"{values} are no sizes of errors")
+
+
 def _tolerance(path: Path) -> dict[str, Any]:
     """Read what ``tolerance --json`` wrote."""
     content: dict[str, Any] = read_json(path, dict)
@@ -186,10 +202,10 @@ def _tolerance(path: Path) -> dict[str, Any]:
         raise FormatError(path, f"is no tolerance: it has no {', '.join(lacking)}")
     try:
         for reach in content["reaches"]:
-            for level in ("success_90", "success_50"):
-                [float(reach[level][end]) for end in ("value", "low", "high")]
-            str(reach["kind"]), str(reach["axis"]), int(reach["sign"]), float(reach["limit"])
-        [float(content["scale"][end]) for end in ("value", "low", "high")]
+            _check_bounds(reach["success_90"])
+            _check_bounds(reach["success_50"])
+            str(reach["kind"]), str(reach["axis"]), int(reach["sign"])
+        _check_bounds(content["scale"])
         int(content["at_true_pose"]["held"]), int(content["at_true_pose"]["of"])
         if {r["kind"] for r in content["reaches"]} != {"shift", "turn"}:
             raise ValueError("its reaches are not shifts and turns")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.errors import InputError
+from graspcast.evaluation.net_benefit import Costs
 from graspcast.io.files import write_text
 from graspcast.io.progress import Progress, step_of
 from graspcast.report.content import Run
@@ -22,6 +23,7 @@ from graspcast.report.rates import rates_section
 from graspcast.report.run_data import RunData, read_run
 from graspcast.report.run_files import RunFiles
 from graspcast.report.text import clean
+from graspcast.report.thresholds import thresholds_section
 from graspcast.report.tolerances import tolerance_section
 from graspcast.report.verdict_list import verdicts_section
 from graspcast.report.worth import worth_section
@@ -38,6 +40,7 @@ def write_report(
     runs: Sequence[RunFiles],
     *,
     cases: int = 3,
+    costs: Costs | None = None,
     title: str = "",
     written: str = "",
     sensor: str | None = None,
@@ -56,6 +59,8 @@ def write_report(
         Their files.
     cases
         Grasps of each kind to be drawn; 0 for none.
+    costs
+        Of failures, skipped grasps and looks, at which thresholds are compared.
     title
         Of the page; from the names of the runs if empty.
     written
@@ -86,7 +91,7 @@ def write_report(
         step = step_of(progress, number, len(runs))
         step(0.0, f"reading {files.name}")
         data = read_run(files, sensor=sensor, given=given)
-        content.append(_run(data, cases, grippers or {}, catalogue, step, notes))
+        content.append(_run(data, cases, costs or Costs(), grippers or {}, catalogue, step, notes))
         notes += data.problems
     names = " and ".join(run.name for run in content[:3])
     more = f" and {len(content) - 3} more" if len(content) > 3 else ""
@@ -98,6 +103,7 @@ def write_report(
 def _run(
     data: RunData,
     cases: int,
+    costs: Costs,
     grippers: Mapping[str, Gripper],
     catalogue: Catalogue | None,
     progress: Progress,
@@ -117,6 +123,7 @@ def _run(
             policies_section(data.decisions),
             rates_section(data.decisions),
             forecast_section(data.decisions, data.certificates.values()),
+            thresholds_section(data.decisions, costs),
             error_section(data.trials, data.datasets),
             *sections,
             tolerance_section(data.tolerances),
