@@ -139,7 +139,7 @@ def of_arrays(content: bytes, random: Random) -> bytes:
     if random.random() < 0.95:
         arrays["sha256"] = np.array(arrays_digest(arrays))
     out = io.BytesIO()
-    np.savez(out, allow_pickle=False, **arrays)
+    np.savez(out, **arrays)
     return out.getvalue()
 
 

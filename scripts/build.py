@@ -23,7 +23,8 @@ ALWAYS = ("LICENSE", "NOTICE", "LICENSES/CC-BY-4.0.txt")
 # What a wheel holds besides Python; anything else is there by mistake.
 IN_WHEEL = re.compile(
     r"graspcast/(.+\.py|py\.typed|demo_data/.+|perception/weights/\w+\.onnx"
-    r"|forecasting/models/mlp/README\.md|paper/paper_tables\.json|simulation/\w+/\w+\.toml)"
+    r"|forecasting/models/mlp/README\.md|paper/paper_tables\.json|simulation/\w+/\w+\.toml"
+    r"|report/templates/\w+\.(css|html|js))"
 )
 IN_SDIST = re.compile(
     r"(src|docs|LICENSES)/.+|README\.md|CHANGELOG\.md|CITATION\.cff|LICENSE|NOTICE|PKG-INFO"

@@ -16,6 +16,8 @@ def random_poses(n: int, seed: int = 0, *, depth_m: float = 1.0) -> ndarray:
     """Poses in front of a camera, (n, 4, 4)."""
     rng = np.random.default_rng(seed)
     translation = rng.normal(scale=0.1, size=(n, 3)) + [0.0, 0.0, depth_m]
+    if n == 0:  # of which SciPy before 1.15 makes no matrices
+        return np.empty((0, 4, 4))
     return transform(Rotation.random(n, random_state=seed).as_matrix(), translation)
 
 

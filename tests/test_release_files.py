@@ -41,6 +41,12 @@ def test_the_citation_is_of_this_version() -> None:
     assert f"\nversion: {__version__}\n" in text_of("CITATION.cff")
 
 
+def test_the_packages_for_ros_are_of_this_version() -> None:
+    for path in [*ROOT.glob("ros/*/package.xml"), *ROOT.glob("ros/*/setup.py")]:
+        stated = re.findall(r"<version>(.+)</version>|\bversion=\"(.+)\"", path.read_text("utf-8"))
+        assert ["".join(found) for found in stated] == [__version__], path
+
+
 def test_the_changelog_has_this_version_and_what_is_not_released() -> None:
     sections = set(re.findall(r"^## \[(.+)\]", text_of("CHANGELOG.md"), re.M))
     assert {"Unreleased", __version__} <= sections
@@ -53,7 +59,7 @@ def test_no_file_of_the_package_but_code_lacks_a_notice() -> None:
         if path.is_dir() or path.suffix == ".py" or path.parent.name == "__pycache__":
             continue
         name = path.relative_to(ROOT / "src").as_posix()
-        ours = path.name in ("py.typed", "README.md")
+        ours = path.name in ("py.typed", "README.md") or "report/templates/" in name
         assert ours or any(name.startswith(folder) for folder in named), name
 
 

@@ -12,7 +12,7 @@ import pytest
 from numpy import ndarray
 from numpy.testing import assert_array_equal
 
-from graspcast.errors import FormatError
+from graspcast.errors import FormatError, InputError
 from graspcast.io.arrays import read_arrays, write_arrays
 
 ARRAYS: dict[str, ndarray] = {
@@ -115,3 +115,15 @@ def test_what_is_no_plain_array_is_refused(tmp_path: Path) -> None:
         archive(path, ("x.npy", good), ("x.npy", good))
     with pytest.raises(FormatError, match="'x' is there twice"):
         read_arrays(path, "", digest=False)
+
+
+def test_objects_are_not_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="x holds objects"):
+        write_arrays(tmp_path / "a.npz", {"x": np.array([{}])})
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_holds_the_arrays_and_their_digest_alone(tmp_path: Path) -> None:
+    write_arrays(tmp_path / "a.npz", ARRAYS)
+    with np.load(tmp_path / "a.npz") as file:
+        assert set(file.files) == {*ARRAYS, "sha256"}

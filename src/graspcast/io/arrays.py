@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from graspcast.errors import FormatError
+from graspcast.errors import FormatError, InputError
 from graspcast.io.artefacts import without_digest
 from graspcast.io.files import atomic_write
 from graspcast.io.hashing import sha256
@@ -54,7 +54,12 @@ def write_arrays(
     """
     buffer = io.BytesIO()
     named: dict[str, Any] = {**arrays, _DIGEST: np.array(arrays_digest(arrays))}
-    (np.savez_compressed if compress else np.savez)(buffer, allow_pickle=False, **named)
+    # np.savez of NumPy before 2.1 would take allow_pickle=False for an array of that name.
+    if objects := [name for name, array in named.items() if np.asarray(array).dtype.hasobject]:
+        raise InputError(
+            f"{path}: {', '.join(objects)} holds objects; an npz file keeps arrays alone"
+        )
+    (np.savez_compressed if compress else np.savez)(buffer, **named)
     # Through memory, so that a full disk raises an OSError, which atomic_write handles.
     with atomic_write(path) as temporary:
         temporary.write_bytes(buffer.getvalue())
