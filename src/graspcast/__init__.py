@@ -37,6 +37,7 @@ from typing import TYPE_CHECKING, Any
 from graspcast._version import __version__
 
 if TYPE_CHECKING:
+    from graspcast.attempt_log.log import AttemptLog
     from graspcast.bop.dataset import BopDataset
     from graspcast.bop.detections import read_detections
     from graspcast.bop.pose_rows import Stated
@@ -103,6 +104,7 @@ if TYPE_CHECKING:
     from graspcast.views.spread import learn_spreads
 
 _HOME = {
+    "attempt_log.log": ("AttemptLog",),
     "bop.dataset": ("BopDataset",),
     "bop.detections": ("read_detections",),
     "bop.pose_rows": ("Stated",),

@@ -35,7 +35,15 @@ def frames() -> list[Frame]:
     every = dict.fromkeys(NAMES, 2)
     odd = Frame({name: [Estimate("d-1", np.eye(4) * np.nan)] for name in NAMES}, CAMERAS[0])
     strange = Frame({name: [Estimate("d-9", FOUND[name][0, 0])] for name in NAMES})
+    mixed = Frame(
+        {
+            "a": [Estimate("d-1", FOUND["a"][0, 0]), Estimate("d-9", FOUND["a"][0, 1])],
+            "b": [Estimate("d-9", FOUND["b"][0, 1])],
+            "c": [Estimate("d-9", FOUND["c"][0, 1])],
+        }
+    )
     return [
+        mixed,
         frame(0, every),
         frame(1, every, known=False),
         frame(2, {"a": 2, "b": 1}),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import threading
+
 import pytest
 
 from graspcast.errors import UnknownEpisodeError
@@ -27,3 +30,26 @@ def test_a_scene_keeps_its_last_frames_and_numbers() -> None:
         scene.add(Frame({}))
     assert scene.count == 31 and len(scene.frames) == 20
     assert [scene.number("d", 0), scene.number("e", 0), scene.number("d", 0)] == [0, 1, 0]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes do not fork here")
+def test_a_fork_does_not_wait_for_a_look_of_another_thread() -> None:
+    scenes = Scenes(2, 100.0)
+    scenes.add("a", Scene([Frame({})]))
+    held, done = threading.Event(), threading.Event()
+
+    def look() -> None:
+        with scenes._lock, scenes._kept["a"][1].lock:
+            held.set()
+            done.wait(30)
+
+    thread = threading.Thread(target=look)
+    thread.start()
+    held.wait(30)
+    child = os.fork()
+    if child == 0:
+        free = scenes.get("a").lock.acquire(timeout=5)
+        os._exit(0 if free else 1)
+    assert os.waitpid(child, 0)[1] == 0
+    done.set()
+    thread.join()

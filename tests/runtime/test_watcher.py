@@ -203,3 +203,18 @@ def test_many_threads_ask_at_once(world: World) -> None:
         found = list(pool.map(ask, range(96)))
     assert found == [expected[i % 4] for i in range(96)]
     assert sorted(order) == list(range(2, 14))
+
+
+def test_a_whole_unknown_object_beside_an_incomplete_known_one(watcher: Watcher) -> None:
+    estimates = {name: [Estimate("d-9", FOUND[name][0, 1])] for name in NAMES}
+    estimates["a"].append(Estimate("d-1", FOUND["a"][0, 0]))
+    said = {d.object_name: d.reason for d in watcher.judge(Frame(estimates))}
+    assert said["d-9"].startswith("the model was not trained for d-9")
+    assert said["d-1"].startswith("no estimate by b, c")
+
+
+def test_numbers_near_the_largest_are_no_pose_and_no_warning(watcher: Watcher) -> None:
+    large = np.eye(4)
+    large[0, 1] = large[2, 3] = 1e300
+    (decision,) = watcher.judge(Frame({"a": [Estimate("d-1", large)]}))
+    assert decision.action == "abstain" and decision.instance == -1

@@ -6,7 +6,6 @@ import io
 import logging
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from numpy import ndarray
 from graspcast.bop.ply_polygons import with_triangles
 from graspcast.bop.units import metres, millimetres
 from graspcast.errors import FormatError
+from graspcast.io.cached import cached_property
 from graspcast.io.files import atomic_write
 from graspcast.io.reading import read_bytes
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from graspcast.bop.unit_checks import (
 from graspcast.bop.units import metres
 from graspcast.errors import FormatError, UnknownNameError
 from graspcast.io.arguments import PATH, checked
+from graspcast.io.cached import cached_property
 from graspcast.io.json import by_identifier, numbers, read_json, require
 from graspcast.io.wording import counted
 from graspcast.pose.lengths import between

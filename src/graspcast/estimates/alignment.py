@@ -169,6 +169,8 @@ class Estimates:
 
 def estimate_ids(results: Results) -> Int[ndarray, " n"]:
     """Return each row's ``est_id``: its rank among the rows of its object in its image."""
+    if len(results) < 2:  # as often at run time
+        return np.zeros(len(results), dtype=np.int64)
     keys = np.stack([results.scene_id, results.im_id, results.obj_id])
     _, group = np.unique(keys, axis=1, return_inverse=True)
     order = score_order(results)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from graspcast.estimates.alignment import Estimates
 from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.forecasting.models.encoding import UNSEEN
 from graspcast.forecasting.models.targets import Targets
+from graspcast.io.cached import cached_property
 from graspcast.io.hashing import canonical_json, sha256
 
 __all__ = ["ONE_VIEW_FEATURES", "ModelCard", "digest_of"]

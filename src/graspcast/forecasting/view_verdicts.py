@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from graspcast.forecasting.novelty import OOD_ALPHA
 from graspcast.forecasting.verdict import Verdict, VerdictRow, check_threshold, chosen, decide
 from graspcast.forecasting.view_rankings import view_ranking
 from graspcast.io.arguments import a, checked
+from graspcast.io.cached import cached_property
 from graspcast.pose.sanity import pose_problems
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.fused_estimates import FusedEstimates
@@ -114,11 +114,10 @@ def judge(
     options: dict[str, Any] = {"guarantee": guarantee, "ood_alpha": ood_alpha}
     options["reachable"] = reachable
     rows: dict[int, VerdictRow] = {}
-    several = np.flatnonzero(frame.several)
+    several, alone = np.flatnonzero(frame.several), np.flatnonzero(~frame.several)
     if len(several):
         found = frame.judged(several, threshold, **options)
         rows |= dict(zip(several.tolist(), found, strict=True))
-    alone = np.flatnonzero(~frame.several)
     if len(alone):
         found = frame.single(threshold=threshold, **options)
         rows |= dict(zip(alone.tolist(), found, strict=True))
@@ -345,18 +344,20 @@ class _Frame:
         rows = np.flatnonzero(~self.several)
         first = fused.principal if self.guide in (FUSED, BEST) else self.guide
         names = self.forecaster.guides if self.guide == BEST else (first,)
-        whole = gathered.present[rows, 0].all(axis=1)
+        known = np.isin(fused.instances.objects[rows], self.forecaster.card.objects)
+        whole = gathered.present[rows, 0].all(axis=1) & known
         poses = gathered.view_T_obj[rows, 0].swapaxes(0, 1)
         by_guide = {
             name: self._single(name, rows[whole], poses[:, whole], options) for name in names
         }
         keys, out = fused.instances.select(rows).to_keys(), []
         alone = self.forecaster.visibility is not None  # its verdicts say that it is one view
-        place = np.cumsum(whole) - 1
-        doubts = single_view_doubts(fused)
-        known = set(self.forecaster.card.objects)
+        place, doubts = np.cumsum(whole) - 1, single_view_doubts(fused)
         for j, i in enumerate(rows.tolist()):
-            if doubts[i] and keys[j].object in known:
+            if not known[j]:
+                why = f"the model was not trained for {keys[j].object}"
+                name, verdict = first, Verdict(False, None, why)
+            elif doubts[i]:
                 name, verdict = first, Verdict(False, None, doubts[i])
             elif whole[j]:
                 found = {name: given[place[j]] for name, given in by_guide.items()}
@@ -366,10 +367,9 @@ class _Frame:
                 name, there = first, gathered.present[i, 0]
                 missing = [e for e, t in zip(fused.estimators, there, strict=True) if not t]
                 verdict = Verdict(False, None, no_estimate_by(missing, {}))
-            if keys[j].object in known and not (alone and verdict.probability is not None):
+            if known[j] and not (alone and verdict.probability is not None):
                 verdict = replace(verdict, reason=f"{verdict.reason}; one view")
-            k = fused.estimators.index(name)
-            est_id = int(gathered.est_id[i, k])
+            est_id = int(gathered.est_id[i, (k := fused.estimators.index(name))])
             row = VerdictRow(
                 keys[j]._replace(est_id=est_id) if est_id >= 0 else keys[j],
                 principal=name,

@@ -105,8 +105,9 @@ def pose_problems(
     """
     size = np.full(len(cam_T_obj), np.nan) if diameter_m is None else diameter_m
     out = [""] * len(cam_T_obj)
-    for i in np.flatnonzero(~_sane(cam_T_obj, size)).tolist():
-        out[i] = _problem(cam_T_obj[i], float(size[i]))
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers near the largest there are
+        for i in np.flatnonzero(~_sane(cam_T_obj, size)).tolist():
+            out[i] = _problem(cam_T_obj[i], float(size[i]))
     return out
 
 
@@ -150,9 +151,11 @@ def _problem(pose: Float[ndarray, "4 4"], diameter_m: float) -> str:
 def rotation_problem(R: Float[ndarray, "3 3"]) -> str:
     """Say why a matrix is no rotation, or nothing."""
     U, scales, Vt = np.linalg.svd(R)
-    if np.linalg.det(R) < 0:
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers near the largest there are
+        mirrored, away = np.linalg.det(R) < 0, np.linalg.norm(R - U @ Vt)
+    if mirrored:
         return "has a mirrored rotation (determinant below 0)"
-    if np.linalg.norm(R - U @ Vt) > MAX_ROTATION_DEVIATION:
+    if away > MAX_ROTATION_DEVIATION:
         if np.ptp(scales) < MAX_ROTATION_DEVIATION * scales.max():
             return f"has a rotation scaled by {scales.mean():.4g}"
         return "has a rotation that is no rotation matrix"

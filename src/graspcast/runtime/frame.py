@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from graspcast.bop.results import Results
 from graspcast.errors import InputError
 from graspcast.estimates.instances import split_object_name
 from graspcast.io.arguments import a, mapping, number, refuse_unless, sequence
+from graspcast.io.cached import cached_property
 from graspcast.io.wording import counted
 from graspcast.pose.sanity import as_pose
 from graspcast.views.look import camera_pose, intrinsics

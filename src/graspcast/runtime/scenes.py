@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from threading import Lock
+from weakref import WeakMethod
 
 from graspcast.errors import UnknownEpisodeError
 from graspcast.forecasting.episodes import Episodes
@@ -73,6 +75,9 @@ class Scenes:
         self._lock = Lock()
         self._kept: OrderedDict[str, tuple[float, Scene]] = OrderedDict()
         self._ended: OrderedDict[str, str] = OrderedDict()
+        if hasattr(os, "register_at_fork"):
+            alive = WeakMethod(self._after_fork)
+            os.register_at_fork(after_in_child=lambda: (renew := alive()) and renew())
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -117,6 +122,12 @@ class Scenes:
             if episode not in self._kept:
                 raise self._unknown(episode)
             self._end(episode, "was forgotten")
+
+    def _after_fork(self) -> None:
+        """Renew, in a forked process, what another thread held when it forked."""
+        self._lock = Lock()
+        for _, scene in self._kept.values():
+            scene.lock, scene.running = Lock(), {}
 
     def _expire(self, now: float) -> None:
         while self._kept:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import cached_property
 from typing import Any, no_type_check
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
 from numpy import ndarray
 
+from graspcast.io.cached import cached_property
 from graspcast.io.compiling import cached_njit
 from graspcast.pose.parallel import over_rows
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -12,6 +11,7 @@ from numpy import ndarray
 
 from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.forecasting.models.encoding import UNSEEN
+from graspcast.io.cached import cached_property
 
 __all__ = ["Targets"]
 
