@@ -46,6 +46,7 @@ def test_what_cannot_be_rendered_leaves_nothing(
     assert [p.name for p in full.iterdir()] == ["kept"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="EGL is Linux's")
 @pytest.mark.skipif(
     release_of(mujoco.__version__) < (4,),

@@ -65,7 +65,7 @@ def started(tmp_path: Path, deaf: bool) -> tuple[subprocess.Popen[bytes], list[i
     return process, [int(pid) for pid in note.read_text().split()]
 
 
-@pytest.mark.parametrize("deaf", [False, True])
+@pytest.mark.parametrize("deaf", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_killed_parent_takes_command_and_children_along(tmp_path: Path, deaf: bool) -> None:
     process, pids = started(tmp_path, deaf)
     assert len(pids) == 2 and all(map(is_running, pids))

@@ -94,6 +94,7 @@ def test_an_error_in_a_worker_is_raised_here() -> None:
         list(LocalExecutor(2).run({pair: setups[pair]}, batches))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/bin/false").exists(), reason="needs a program that ends at once")
 def test_a_worker_that_dies_at_once_is_noticed_however_long_the_command_line() -> None:
     program = """
