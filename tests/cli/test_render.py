@@ -47,7 +47,7 @@ def test_what_cannot_be_rendered_leaves_nothing(
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="EGL is Linux's")
+@pytest.mark.skipif(sys.platform != "linux", reason="EGL is Linux's: run it there")
 @pytest.mark.skipif(
     release_of(mujoco.__version__) < (4,),
     reason="MuJoCo before 4.0 prints a traceback of its own when a context could not be opened",

@@ -142,5 +142,5 @@ def test_eight_threads_at_once_and_twenty_children_get_what_one_gets(folder: Pat
 @pytest.mark.parametrize("way", ["spawn", pytest.param("fork", marks=slow)])
 def test_pools_of_processes(folder: Path, way: str) -> None:
     if way == "fork" and not hasattr(os, "fork"):
-        pytest.skip("this system cannot fork")
+        pytest.skip("this system cannot fork: run it on Linux or macOS")
     run(folder, PROCESSES, way)

@@ -11,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and groups are POSIX")
+pytestmark = pytest.mark.skipif(
+    os.name != "posix", reason="signals and groups are POSIX: run it on Linux or macOS"
+)
 
 SOURCE = Path(__file__).parents[2] / "src"
 PARENT = """
@@ -79,7 +81,7 @@ def test_a_killed_supervisor_takes_the_command_along(tmp_path: Path) -> None:
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
     if not children.exists():
         process.kill()
-        pytest.skip("this system does not list a process's children in /proc")
+        pytest.skip("needs lists of a process's children in /proc: run it on Linux")
     for pid in children.read_text().split():
         os.kill(int(pid), signal.SIGKILL)
     assert process.wait(30) == 1  # an EstimatorFailedError, which nobody handles here
