@@ -52,8 +52,9 @@ class Episode:
         A trained forecaster. One that was trained without views answers from the last look alone.
     object_name
         ``dataset-obj_id``, as in ``ycbv-5``.
-    models, threshold, guide, max_looks, max_views, min_gain, noise, ood_alpha, guarantee,
-    certificate
+    models, threshold, guarantee, certificate, ood_alpha
+        As for :class:`Episodes`.
+    guide, max_looks, max_views, min_gain, noise
         As for :class:`Episodes`.
 
     Raises
