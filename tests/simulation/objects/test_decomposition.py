@@ -106,7 +106,6 @@ CUT = [pytest.param(how, marks=pytest.mark.slow) for how in ("cut", "flipped")]
 
 
 @pytest.mark.parametrize("damage", ["empty", *CUT])
-@pytest.mark.parametrize("damage", ["cut", "flipped", "empty"])
 def test_a_damaged_file_is_built_again(
     cache: Path, damage: str, caplog: pytest.LogCaptureFixture
 ) -> None:
