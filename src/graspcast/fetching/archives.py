@@ -5,6 +5,8 @@ from __future__ import annotations
 import fnmatch
 import gzip
 import hashlib
+import lzma
+import struct
 import tarfile
 import zipfile
 import zlib
@@ -25,8 +27,8 @@ __all__ = ["Unpacked", "unpack"]
 
 _CHUNK = 1 << 18
 _BROKEN = (
-    EOFError, NotImplementedError, OverflowError, OversizeError, RuntimeError, UnicodeError,
-    ValueError, tarfile.TarError, zipfile.BadZipFile, zlib.error, gzip.BadGzipFile,
+    EOFError, NotImplementedError, OSError, OverflowError, RuntimeError, UnicodeError, ValueError,
+    lzma.LZMAError, struct.error, tarfile.TarError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 
 
@@ -189,6 +191,8 @@ def _members(archive: Path, into: Path, limits: Limits) -> Iterator[Iterator[_Me
             stream = BoundedStream(cast(IO[bytes], unpacked), limits.unpacked_bytes)
             with tarfile.open(fileobj=cast(Any, stream), mode="r:", errorlevel=2) as tar:
                 yield (_tar_member(archive, tar, info) for info in tar)
+            while stream.read(_CHUNK):
+                pass  # the checksum is at the end
 
 
 def _zip_member(archive: Path, opened: zipfile.ZipFile, info: zipfile.ZipInfo) -> _Member:
