@@ -27,7 +27,7 @@ def test_space(tmp_path: Path) -> None:
 
 def test_a_full_disk_is_an_input_error(tmp_path: Path) -> None:
     with (
-        pytest.raises(InputError, match="a.zip: cannot be written .No space left"),
+        pytest.raises(InputError, match=r"a.zip: cannot be written .No space left"),
         writing(tmp_path / "a.zip"),
     ):
         raise OSError(errno.ENOSPC, "No space left on device")
