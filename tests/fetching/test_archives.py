@@ -135,7 +135,7 @@ def test_bombs(tmp_path: Path, kind: str) -> None:
     big = bytes(1_000_000)
     content = zipped({"a": big}, pack=zipfile.ZIP_DEFLATED) if kind == "zip" else tarred(("a", big))
     (tmp_path / "1").mkdir()
-    told = refusal(tmp_path / "1", content, kind, ratio=100, ratio_from=1000)
+    told = refusal(tmp_path / "1", content, kind, ratio=100.0, ratio_from=1000)
     assert "as in a bomb" in told
     (tmp_path / "2").mkdir()
     told = refusal(tmp_path / "2", content, kind, unpacked_bytes=10_000)
