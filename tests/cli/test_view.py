@@ -148,7 +148,9 @@ def test_a_port_is_a_number(port: str, capsys: pytest.CaptureFixture[str]) -> No
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="processes have no signals there")
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "ending", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+)
 def test_a_process_serves_until_it_is_ended(seen: Path, ending: int) -> None:
     pytest.importorskip("viser", reason="install it: pip install 'graspcast[view]'")
     paths = os.pathsep.join(filter(None, sys.path))

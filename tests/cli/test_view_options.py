@@ -186,6 +186,7 @@ def half_of_the_images(root: Path, out: Path) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_single_views_are_counted_once_where_camera_poses_are_missing(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -121,6 +121,7 @@ def test_a_bad_estimator_is_no_contradiction() -> None:
     check_pairs("a.csv", bad, "the truth", TRUTH)
 
 
+@pytest.mark.slow
 def test_the_published_estimates_pass(data_dir: Path) -> None:
     for name in ("lmo", "ycbv"):
         folder = data_dir / "published" / name

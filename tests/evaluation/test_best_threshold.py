@@ -43,6 +43,7 @@ def by_hand(trials: Trials, threshold: float, price: Costs) -> float:
     return total / len(trials.probability)
 
 
+@pytest.mark.slow
 @given(seeds, costs, st.booleans())
 def test_it_is_the_best_of_all_by_brute_force(seed: int, price: Costs, outcomes: bool) -> None:
     trials = random_trials(seed, outcomes=outcomes)

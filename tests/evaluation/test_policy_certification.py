@@ -111,7 +111,7 @@ def test_counts_are_those_of_running_the_policy_at_each_threshold(world: World, 
     assert len({looks for *_, looks in counts}) > 3
 
 
-@pytest.mark.parametrize("most", [0.7, 1.0])
+@pytest.mark.parametrize("most", [0.7, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_a_table_of_thresholds_counts_what_the_policy_does_at_each(
     world: World, most: float
 ) -> None:

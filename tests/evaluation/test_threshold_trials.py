@@ -101,6 +101,7 @@ def held(tmp_path_factory: pytest.TempPathFactory) -> tuple[TrainingData, dict[s
     }
 
 
+@pytest.mark.slow
 def test_held_out_scores_are_those_of_cross_validation(
     held: tuple[TrainingData, dict[str, Any]],
 ) -> None:

@@ -169,6 +169,7 @@ def test_a_model_file_keeps_all_of_it(given: Given, tmp_path: Path) -> None:
         Forecaster.load(tmp_path / "m.npz")
 
 
+@pytest.mark.slow
 def test_scores_and_certificates_are_of_the_chosen_grasps(given: Given) -> None:
     scores = cross_validate(given.data, folds=2, models=given.models, forests=SMALL)
     assert scores.n == 240 and scores.auroc > 0.6

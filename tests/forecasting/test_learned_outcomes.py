@@ -46,6 +46,7 @@ def _fitted(given: Training, data: TrainingData, **options: object) -> Forecaste
     return fit_forecaster(data, models=given.models, forests=QUICK, **options)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_it_forecasts_what_the_evaluation_does_by_outcomes_of_all(tmp_path: Path) -> None:
     found, sources = benchmark(tmp_path)
     rule = ViewModelRule(alone="a", pooled=True)

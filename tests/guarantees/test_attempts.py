@@ -79,6 +79,7 @@ def looked(rng: np.random.Generator, scenes: int, repeats: int = 4) -> tuple[nda
     return found, np.stack(success, axis=1), np.repeat(np.arange(scenes), repeats)
 
 
+@pytest.mark.slow
 def test_guarantees_of_a_policy_hold_as_often_as_stated() -> None:
     truth = looked(np.random.default_rng(987), 30_000)
     grid = np.linspace(0.5, 0.999, 300)

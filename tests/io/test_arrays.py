@@ -55,7 +55,7 @@ def test_a_flipped_bit_is_refused_or_changes_nothing(tmp_path: Path, compress: b
     write_arrays(path, ARRAYS, compress=compress)
     content, random = path.read_bytes(), np.random.default_rng(0)
     refused = 0
-    for place in random.integers(0, 8 * len(content), 1500).tolist():
+    for place in random.integers(0, 8 * len(content), 600).tolist():
         changed = bytearray(content)
         changed[place // 8] ^= 1 << place % 8
         path.write_bytes(changed)
@@ -67,7 +67,7 @@ def test_a_flipped_bit_is_refused_or_changes_nothing(tmp_path: Path, compress: b
         assert list(found) == list(ARRAYS)
         for name, array in ARRAYS.items():
             assert_array_equal(found[name], array)
-    assert refused > 1000
+    assert refused > 400
 
 
 def test_without_a_digest_or_with_another_it_is_refused(tmp_path: Path) -> None:

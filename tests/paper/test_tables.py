@@ -86,6 +86,7 @@ def test_the_baselines_row_of_table_three(data: Published) -> None:
     assert note["meshes"]["underactuated"] == ours["underactuated"]
 
 
+@pytest.mark.slow
 def test_without_the_release_add_comes_from_the_meshes(data: Published, tmp_path: Path) -> None:
     for name in ("published", "bop"):
         (tmp_path / name).symlink_to(data.directory / name)

@@ -72,6 +72,7 @@ def test_without_pyopengl_it_is_drawn_in_software(tmp_path: Path, tables: list[s
         assert orange(np.asarray(image)) > 1000
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="EGL and OSMesa are Linux's: run it there")
 def test_a_backend_that_nobody_knows_is_refused(tmp_path: Path, tables: list[str]) -> None:
     done = watch_elsewhere(tmp_path / "a.png", tables, {"MUJOCO_GL": "vulkan"})

@@ -102,6 +102,7 @@ def cleaned(run: Run) -> Run:
     )  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_the_browser_finds_nothing_wrong(browser: Browser, page: Path, pictured: Path) -> None:
     with browser.open(page, width=360) as opened:
         assert opened.wider <= 0

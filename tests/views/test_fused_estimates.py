@@ -182,6 +182,7 @@ def test_images_without_a_camera_pose_are_single_views_and_said() -> None:
     assert "single views: 3 instances have no camera pose" in found.summary()
 
 
+@pytest.mark.slow
 def test_published_estimates(published: Path) -> None:
     """YCB-V: fused poses of three views are twice as accurate as the best estimator's."""
     root = published / "ycbv"

@@ -240,6 +240,7 @@ def test_symmetric_equivalents_are_the_same_pose() -> None:
     assert fuse_poses(turned, cameras, there, spreads(30, 2)).dropped.any()
 
 
+@pytest.mark.slow
 def test_ten_thousand_instances_take_seconds() -> None:
     poses, cameras, there, _ = world(10_000, 3, 3)
     start = perf_counter()

@@ -136,6 +136,7 @@ def test_training_again_is_the_same_bit_by_bit_and_another_seed_is_not(
     assert (other != expected).any()
 
 
+@pytest.mark.slow
 def test_simulated_trials_of_tried_objects_and_of_other_objects_do_not_matter(
     forecaster: Forecaster, models: dict[str, Models]
 ) -> None:

@@ -163,6 +163,7 @@ def test_one_group_or_no_folds_leave_it_uncalibrated(world: World) -> None:
     assert all(part.calibration.tolist() == [1.0, 0.0] for part in model.parts.values())
 
 
+@pytest.mark.slow
 def test_untried_and_unseen_instances_make_no_difference(world: World) -> None:
     success = world.success.copy()
     success[::3] = np.nan

@@ -24,6 +24,7 @@ def digests(root: Path) -> dict[str, str]:
     }
 
 
+@pytest.mark.slow
 def test_the_same_seed_the_same_files_and_more_scenes_leave_the_first_alone(
     models: Path, tmp_path: Path
 ) -> None:

@@ -72,6 +72,7 @@ def test_others_stay_and_another_object_of_the_number_is_refused(tmp_path: Path)
     assert content(out)["models/obj_000004.ply"] == before["models/obj_000004.ply"]
 
 
+@pytest.mark.slow
 def test_a_catalogue_and_a_bop_model_that_differ(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     write_objects([part(tmp_path / "part.stl")], first, bop_models=False)

@@ -73,6 +73,7 @@ def test_collision_pieces_of_thin_parts_are_as_thin(
     assert min(np.ptp(p.vertices, axis=0).min() for p in new.collision.pieces) < 1.2 * thickness
 
 
+@pytest.mark.slow
 def test_a_hollow_is_measured(tmp_path: Path) -> None:
     hull = made(tmp_path / "tube.stl", tube(), pieces=1)
     assert hull.collision.sticks_out_m == pytest.approx(0.02, abs=0.005)
