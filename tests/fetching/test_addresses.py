@@ -30,7 +30,9 @@ def test_a_file_of_a_mirror(mirror: str, url: str) -> None:
     assert below(mirror, "a.zip") == url
 
 
-@pytest.mark.parametrize("mirror", ["ftp://host/", "https://", "https://host:port/", "http://[x/"])
+@pytest.mark.parametrize(
+    "mirror", ["ftp://host/", "https://", "https://host:port/", "http://[x/", "", " "]
+)
 def test_what_is_no_mirror(mirror: str) -> None:
     with pytest.raises(InputError, match="the mirror") as caught:
         below(mirror, "a.zip")
