@@ -185,6 +185,7 @@ def test_two_processes_at_once(start: Start, tmp_path: Path) -> None:
         assert sorted(path for path, _ in server.asked) == ["/lmo_base.zip", "/lmo_models.zip"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT: run it on Linux or macOS")
 def test_interrupted(start: Start, tmp_path: Path) -> None:
     with serving() as server:
         server.give("lmo_base.zip", stalled(b"x" * 5000, 1000))
