@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -17,7 +18,7 @@ import graspcast
 from bop_archives import MODELS, mirror
 from download_server import serving, stalled, status, whole
 from graspcast.bop.dataset import BopDataset
-from graspcast.cli import main
+from graspcast.cli import main, parser
 from graspcast.fetching.limits import Limits
 
 SOURCE = str(Path(graspcast.__file__).parents[1])
@@ -80,6 +81,17 @@ def test_models_from_a_mirror(capsys: pytest.CaptureFixture[str], tmp_path: Path
     assert "in the cache, verified" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("item", ["lmo-models", "lmo-images", "lmo"])
+def test_the_next_command_is_one(
+    item: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert main(["fetch", item, "--mirror", str(mirror(tmp_path / "mirror"))]) == 0
+    line = capsys.readouterr().err.splitlines()[-1]
+    words = shlex.split(line.removeprefix("next: graspcast ").replace("NAME=FILE", "a=b.csv"))
+    options = parser().parse_args(words)
+    assert str(tmp_path / "cache" / "fetched" / "lmo") in str(options.bop)
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -135,7 +147,7 @@ def killed(*arguments, **options):
         whole(*arguments, **options)
     os.kill(os.getpid(), signal.SIGKILL)
 setattr(*target, killed)
-from graspcast.cli import main
+from graspcast.cli import main, parser
 main(["fetch", "lmo-models", "--mirror", sys.argv[2]])
 """
 
@@ -173,6 +185,7 @@ def test_two_processes_at_once(start: Start, tmp_path: Path) -> None:
         assert sorted(path for path, _ in server.asked) == ["/lmo_base.zip", "/lmo_models.zip"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT: run it on Linux or macOS")
 def test_interrupted(start: Start, tmp_path: Path) -> None:
     with serving() as server:
         server.give("lmo_base.zip", stalled(b"x" * 5000, 1000))

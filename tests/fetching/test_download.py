@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from download_server import Reply, Server, cut, gzipped, raw, stalled, status, whole
+from download_server import Handler, Reply, Server, cut, gzipped, raw, stalled, status, whole
 from graspcast.errors import DownloadError, InputError
 from graspcast.fetching.download import Downloaded, download
 from graspcast.fetching.limits import Limits
@@ -85,7 +85,7 @@ def test_another_part_than_was_asked_for_begins_anew(load: Load) -> None:
     assert load(cut(CONTENT, 4000), wrong, whole(CONTENT)).path.read_bytes() == CONTENT
 
 
-@pytest.mark.parametrize("etag", ["", 'W/"weak"'])
+@pytest.mark.parametrize("etag", ["", 'W/"weak"', '"\u00fc"'])
 def test_without_a_strong_validator_nothing_is_resumed(
     load: Load, server: Server, etag: str
 ) -> None:
@@ -124,6 +124,29 @@ def test_a_packed_bomb_is_refused(load: Load, tmp_path: Path) -> None:
     with pytest.raises(DownloadError, match="larger than 1 MB"):
         load(gzipped(bytes(3_000_000)))
     assert not list(tmp_path.glob("a.zip*"))
+
+
+def test_a_damaged_packing_is_tried_again(load: Load) -> None:
+    broken = raw(200, b"\x1f\x8b broken", Content_Encoding="gzip")
+    assert load(broken, whole(CONTENT)).path.read_bytes() == CONTENT
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [b"", b"220 mail.example.org ESMTP\r\n", b"HTTP/1.1 200 OK\r\nContent-Length: 9\r\n",
+     b"HTTP/1.1 200 OK\r\nContent-Length: 5\r\nContent-Length: 6\r\n\r\n12345",
+     b"HTTP/1.1 200 OK\r\nContent-Length: " + b"9" * 5000 + b"\r\n\r\n1",
+     b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
+     b"HTTP/1.1 206 Partial Content\r\nContent-Length: 1\r\n\r\n1", b"\0" * 200_000],
+    ids=range(8),
+)  # fmt: skip
+def test_what_is_no_proper_answer(load: Load, answer: bytes) -> None:
+    def reply(to: Handler) -> None:
+        to.wfile.write(answer)
+        to.close_connection = True
+
+    with pytest.raises(DownloadError, match=r"127\.0\.0\.1.*a\.zip"):
+        load(reply)
 
 
 def test_temporary_errors_are_tried_again(load: Load) -> None:
@@ -220,6 +243,20 @@ def test_a_proxy_that_cannot_be_used_is_named(load: Load, monkeypatch: pytest.Mo
     monkeypatch.setenv("HTTP_PROXY", "nonsense://x:y")
     with pytest.raises(DownloadError, match="HTTP_PROXY"):
         load(whole(CONTENT))
+
+
+def test_a_proxy_that_is_not_there_is_named(
+    tmp_path: Path, limits: Limits, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HTTP_PROXY", "http://me:secret@127.0.0.1:1")
+    with pytest.raises(DownloadError, match=r"through the proxy http://127.0.0.1:1"):
+        download(
+            "http://far.invalid/a.zip",
+            tmp_path / "a.zip",
+            most_bytes=10**6,
+            limits=limits,
+            arrived=lambda *_: None,
+        )
 
 
 def test_a_proxy_is_asked(

@@ -10,6 +10,7 @@ from graspcast.cli.console import note, print_table, print_text
 from graspcast.cli.options import Verbs, add_json, new_verb, write_json
 from graspcast.cli.progress import progress_bar
 from graspcast.errors import InputError
+from graspcast.io.wording import counted
 
 if TYPE_CHECKING:
     from graspcast.fetching.catalogue import Item
@@ -140,7 +141,8 @@ def _told(fetched: Fetched) -> dict[str, Any]:
     for archive in fetched.archives:
         state = f"fetched from {archive.url}" if archive.new else "in the cache, verified"
         remarks = "".join(f"; {remark}" for remark in archive.remarks)
-        note(f"{archive.name}: {archive.files} files, {in_words(archive.size)}, {state}{remarks}")
+        files = f"{counted(archive.files, 'file')}, {in_words(archive.size)}"
+        note(f"{archive.name}: {files}, {state}{remarks}")
     print_text(str(fetched.path))
     kind = "release" if item.name == "release" else item.name.partition("-")[2] or "models"
     note("next: " + _NEXT[kind].format(path=shlex.quote(str(fetched.path))))

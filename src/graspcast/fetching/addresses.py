@@ -41,6 +41,8 @@ def below(mirror: str, name: str) -> str:
         If the mirror is none of these.
     """
     scheme = mirror.partition("://")[0].lower() if "://" in mirror else ""
+    if not mirror.strip():
+        raise InputError("the mirror is empty", parameters=("mirror",))
     if not scheme:
         return (Path(mirror).expanduser().absolute() / name).as_uri()
     problem = "" if scheme in _SCHEMES else f"{scheme}:// is not supported"

@@ -117,7 +117,9 @@ def _from_server(url: str, part: PartialFile, most: int, limits: Limits, arrived
                 most_failures = limits.attempts if again.answered else limits.unreachable_attempts
                 pause = max(wait, again.wait_s)
                 if failures >= most_failures or again.wait_s > limits.longest_wait_s:
-                    raise DownloadError(_given_up(url, part, again, failures)) from again
+                    raise DownloadError(
+                        _given_up(url, part, again, failures), parameters=("mirror",)
+                    ) from again
                 arrived(part.size, part.version.length, f"{again.reason}; trying again")
             time.sleep(min(pause, limits.longest_wait_s))
 

@@ -33,9 +33,10 @@ class Version:
     @property
     def validator(self) -> str:
         """What ``If-Range`` may hold: a strong ETag, else a date; empty where there is neither."""
-        if self.etag:
-            return "" if self.etag.startswith("W/") else self.etag
-        return self.modified
+        validator = self.etag or self.modified
+        # One that is weak, or could not be sent back, is none.
+        sound = validator.isascii() and validator.isprintable() and not validator.startswith("W/")
+        return validator if sound else ""
 
     def contradicts(self, other: Version) -> bool:
         """Whether this and another statement cannot be about the same version."""

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
+from urllib.parse import urlsplit
+from urllib.request import getproxies
 
 from graspcast._version import __version__
 from graspcast.errors import DownloadError
@@ -18,6 +20,8 @@ from graspcast.fetching.partial_file import Version
 __all__ = ["Answer", "TryAgainError", "client", "get"]
 
 _REDIRECTS = (301, 302, 303, 307, 308)
+_LENGTH = re.compile(r"[0-9]{1,18}")
+_RANGE = re.compile(r"bytes ([0-9]{1,18})-[0-9]{1,18}/([0-9]{1,18}|\*)")
 _DIGEST = re.compile(r'"?([0-9a-fA-F]{64})"?')
 
 
@@ -76,18 +80,21 @@ class Answer:
     def content_length(self) -> int | None:
         """Bytes of the body, as stated."""
         text = self.header("content-length")
-        return int(text) if text.isascii() and text.isdecimal() else None
+        return int(text) if _LENGTH.fullmatch(text) else None
 
     @property
     def content_range(self) -> tuple[int, int | None] | None:
         """From which byte the body is, and of how many in all, as stated."""
-        found = re.fullmatch(r"bytes (\d+)-\d+/(\d+|\*)", self.header("content-range").strip())
+        found = re.fullmatch(
+            r"bytes ([0-9]{1,18})-[0-9]{1,18}/([0-9]{1,18}|\*)",
+            self.header("content-range").strip(),
+        )
         return found and (int(found[1]), None if found[2] == "*" else int(found[2]))
 
     @property
     def unsatisfied_length(self) -> int | None:
         """Bytes in all, of a refusal to answer with a range."""
-        found = re.fullmatch(r"bytes \*/(\d+)", self.header("content-range").strip())
+        found = re.fullmatch(r"bytes \*/([0-9]{1,18})", self.header("content-range").strip())
         return found and int(found[1])
 
     def version(self, length: int | None) -> Version:
@@ -98,7 +105,14 @@ class Answer:
     def retry_after_s(self) -> float:
         """How long the server asks to be left alone."""
         text = self.header("retry-after").strip()
-        return float(text) if text.isascii() and text.isdecimal() else 0.0
+        return float(text) if _LENGTH.fullmatch(text) else 0.0
+
+
+def _proxy(url: str) -> str:
+    """Name the proxy of the environment through which an address is asked for, if any."""
+    proxies = getproxies()
+    proxy = proxies.get(urlsplit(url).scheme) or proxies.get("all")
+    return f", through the proxy {shown(proxy)}" if proxy else ""
 
 
 @contextmanager
@@ -155,14 +169,16 @@ def get(http: Any, url: str, headers: Mapping[str, str], limits: Limits) -> Iter
     except (httpx.InvalidURL, httpx.UnsupportedProtocol) as error:
         raise DownloadError(f"{shown(url)}: {error}") from error
     except httpx.TimeoutException as error:
-        raise TryAgainError("the server has not answered in time", answered=answered) from error
-    except httpx.TransportError as error:
+        reason = "the server has not answered in time" + ("" if answered else _proxy(at))
+        raise TryAgainError(reason, answered=answered) from error
+    except httpx.RequestError as error:
         if "CERTIFICATE_VERIFY_FAILED" in str(error):
             raise DownloadError(
                 f"{shown(url)}: the server's certificate is not trusted ({error}); SSL_CERT_FILE "
                 "names the certificates of a proxy of your own"
             ) from error
-        raise TryAgainError(str(error) or type(error).__name__, answered=answered) from error
+        reason = str(error) or type(error).__name__
+        raise TryAgainError(reason + ("" if answered else _proxy(at)), answered=answered) from error
     raise DownloadError(
         f"{shown(url)}: more than {limits.redirects} redirects", parameters=("mirror",)
     )
