@@ -27,7 +27,7 @@ IN_WHEEL = re.compile(
     r"|report/templates/\w+\.(css|html|js))"
 )
 IN_SDIST = re.compile(
-    r"(src|docs|LICENSES)/.+|README\.md|CHANGELOG\.md|CITATION\.cff|LICENSE|NOTICE|PKG-INFO"
+    r"(src|docs|ros|LICENSES)/.+|README\.md|CHANGELOG\.md|CITATION\.cff|LICENSE|NOTICE|PKG-INFO"
     r"|pyproject\.toml|\.gitignore"
 )
 

@@ -72,7 +72,7 @@ def main() -> int:
         subprocess.run([*install, resolution, "-e", *wanted], check=True)
         print(f"installed in {time.perf_counter() - began:.0f} s", flush=True)
         subprocess.run([uv, "pip", "freeze", f"--python={python}"], check=True)
-        arguments = ["-q", "-m", "not slow", *([] if options.all else tests)]
+        arguments = ["-q", *([] if options.all else tests)]
         # A cache of its own: compiled code is of one version of numba.
         environment = {
             **os.environ,

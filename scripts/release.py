@@ -34,7 +34,7 @@ def main() -> None:
     steps: dict[str, Callable[[Path], None]] = {
         "state": lambda out: check_state(),
         "lint": lambda out: _run(sys.executable, SCRIPTS / "lint.py"),
-        "tests": lambda out: _run(sys.executable, "-m", "pytest", "-q"),
+        "tests": lambda out: _run(sys.executable, "-m", "pytest", "-q", "--slow"),
         "lowest": lambda out: _bounds("lowest"),
         "newest": lambda out: _bounds("newest"),
         "build": lambda out: _run(sys.executable, SCRIPTS / "build.py", "--out", out),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,6 +24,37 @@ def pytest_configure(config: pytest.Config) -> None:
     To resolve it imports graspcast, before run-time types could be added.
     """
     config.addinivalue_line("filterwarnings", "ignore::graspcast.errors.TrainingDataWarning")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--slow", action="store_true", help="run the slow tests, too")
+
+
+def without_slow(config: pytest.Config) -> bool:
+    """Whether slow tests are left out: nobody asked for them, by option, mark or name."""
+    named = any("::" in argument for argument in config.args)
+    return not (config.getoption("slow") or "slow" in config.getoption("markexpr") or named)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out slow tests, or begin with the files that hold most of them.
+
+    So that no process works on its last long file when the others are done.
+    """
+    slow = [item for item in items if item.get_closest_marker("slow")]
+    if without_slow(config):
+        config.hook.pytest_deselected(items=slow)
+        items[:] = [item for item in items if not item.get_closest_marker("slow")]
+    if hasattr(config, "workerinput"):
+        slow_tests, tests = (Counter(item.path for item in of) for of in (slow, items))
+        items.sort(key=lambda item: (-slow_tests[item.path], -tests[item.path]))
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    if without_slow(config):
+        terminalreporter.write_line("slow tests were left out: pytest --slow runs them, too")
 
 
 @pytest.fixture(autouse=True)

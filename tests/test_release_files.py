@@ -43,7 +43,9 @@ def test_the_citation_is_of_this_version() -> None:
 
 def test_the_packages_for_ros_are_of_this_version() -> None:
     for path in [*ROOT.glob("ros/*/package.xml"), *ROOT.glob("ros/*/setup.py")]:
-        stated = re.findall(r"<version>(.+)</version>|\bversion=\"(.+)\"", path.read_text("utf-8"))
+        stated = re.findall(
+            r"<version>(.+)</version>|^    version=\"(.+)\"", path.read_text("utf-8"), re.M
+        )
         assert ["".join(found) for found in stated] == [__version__], path
 
 

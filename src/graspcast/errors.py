@@ -11,6 +11,7 @@
     ├── InstallationError     MuJoCo is not installed, or broken; the message says how to mend it
     ├── ExtraMissingError     an optional dependency is not installed; the message has the pip line
     ├── EstimatorFailedError  an external estimator's command failed; with the end of its stderr
+    ├── DownloadError         a file could not be downloaded; what has arrived is kept, and resumed
     ├── CampaignStoppedError  a campaign stopped early; its outcomes are kept, and it can be resumed
     └── WorkerLostError       a worker process that computed trials has died
 
@@ -30,6 +31,7 @@ from os import PathLike
 
 __all__ = [
     "CampaignStoppedError",
+    "DownloadError",
     "EstimatorFailedError",
     "ExtraMissingError",
     "FormatError",
@@ -162,6 +164,10 @@ class EstimatorFailedError(GraspcastError):
         if quoted := "".join(f"\n  {line}" for line in last_lines):
             message += f"; the last lines of its standard error are:{quoted}"
         super().__init__(message, parameters=parameters)
+
+
+class DownloadError(GraspcastError):
+    """A file could not be downloaded, or is not the one that was expected."""
 
 
 class CampaignStoppedError(GraspcastError):

@@ -1,12 +1,14 @@
 import shutil
 import sqlite3
 
+import numpy as np
 import pytest
 
 from attempt_records import frame
 from graspcast.attempt_log import AttemptLog, OutcomeRecord
 from graspcast.attempt_log.checking import check_rows
-from graspcast.errors import FormatError
+from graspcast.attempt_log.recorded import recorded
+from graspcast.errors import FormatError, GraspcastError
 
 
 @pytest.fixture(scope="module")
@@ -62,3 +64,44 @@ def test_a_flipped_bit_is_found(written, tmp_path):
     path.write_bytes(content[:at] + b"q" + content[at + 1 :])
     with pytest.raises(FormatError, match="is not as it was written"):
         AttemptLog.read(path).check()
+
+
+def uses(path):
+    yield lambda: AttemptLog.read(path).table()
+    yield lambda: AttemptLog.read(path).estimates()
+    yield lambda: AttemptLog.read(path).check()
+    yield lambda: recorded([AttemptLog.read(path)])
+    yield lambda: AttemptLog.open(path).close()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bytes_changed_at_random_are_read_or_refused(written, tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    content = np.frombuffer(written.read_bytes(), np.uint8)
+    refusals = 0
+    for number in range(8):
+        changed = content.copy()
+        at = rng.integers(len(changed) if number % 2 else 4096, size=rng.integers(1, 40))
+        changed[at] = rng.integers(256, size=len(at))
+        path = tmp_path / f"{number}.db"
+        path.write_bytes(changed.tobytes())
+        for use in uses(path):
+            try:
+                use()
+            except GraspcastError:
+                refusals += 1
+    assert refusals > 0
+
+
+def test_text_that_is_none_and_times_that_are_none_are_told_as_damage(written, tmp_path):
+    content = written.read_bytes()
+    for number, (before, after) in enumerate(
+        (
+            (b"2026-03-01T12:00", b"2026-93-01T12:00"),
+            (b"probability 0.900", b"\xffrobability 0.900"),
+        )
+    ):
+        path = tmp_path / f"{number}.db"
+        path.write_bytes(content.replace(before, after, 1))
+        with pytest.raises(FormatError, match="is damaged"):
+            AttemptLog.read(path).table()

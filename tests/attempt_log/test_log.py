@@ -11,6 +11,7 @@ import pytest
 
 from attempt_records import NOON, decision, frame, pose
 from graspcast.attempt_log import AttemptLog, OutcomeRecord, Wanted
+from graspcast.attempt_log.log import _Ticket
 from graspcast.errors import FormatError, GraspcastError, InputError, MismatchError
 
 
@@ -200,6 +201,19 @@ def test_threads_share_a_log_and_one_that_is_refused_spoils_no_other(path):
             thread.join()
         assert (len(log.table()), len(log.outcomes()), len(errors)) == (80, 60, 20)
         assert sorted(log.outcomes()["seq"]) == list(range(1, 61))
+
+
+def test_a_thread_that_is_interrupted_interrupts_no_other(path):
+    def interrupted(connection):
+        raise KeyboardInterrupt
+
+    with AttemptLog.open(path) as log:
+        ticket = _Ticket(lambda connection: 1)
+        with log._commit, pytest.raises(KeyboardInterrupt):
+            log._commit_all([ticket, _Ticket(interrupted)])
+        assert isinstance(ticket.error, InputError)
+        log.add([frame(0)])
+        assert len(log.table()) == 1
 
 
 @pytest.mark.parametrize("change", ["UPDATE outcome SET success = 0", "DELETE FROM decision"])

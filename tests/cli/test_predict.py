@@ -253,8 +253,8 @@ def test_disagreement_larger_than_in_training_is_always_abstained_from(
 def test_objects_not_in_training_stop_no_verdict_on_the_others(
     trained: Path, tmp_path: Path
 ) -> None:
-    options = [*forests.train(trained, "one.npz"), "--outcomes", str(trained / "first.csv")]
-    assert main(options) == 0
+    first = ("--outcomes", str(trained / "first.csv"))
+    assert main(forests.train(trained, "one.npz", *first)) == 0
     assert main(forests.predict(trained, tmp_path, models=("one.npz",))) == 0
     assert {row["obj_id"] for row in forests.verdicts(tmp_path)} == {"1", "2"}
     for row in forests.verdicts(tmp_path):
@@ -280,8 +280,8 @@ def test_objects_without_a_model_stop_no_verdict_on_the_others(
         assert main(forests.predict(trained, tmp_path)) == 0
         assert "dropped 1 rows (object without a model: 9)" in capsys.readouterr().err
         assert forests.verdicts(tmp_path) == before
-        options = [*forests.train(trained, "nine.npz"), "--outcomes", str(trained / "first.csv")]
-        assert main(options) == 0
+        first = ("--outcomes", str(trained / "first.csv"))
+        assert main(forests.train(trained, "nine.npz", *first)) == 0
     finally:
         for path, text in zip(paths, texts, strict=True):
             path.write_text(text)

@@ -128,7 +128,9 @@ def test_without_standard_error_the_work_goes_on(monkeypatch: pytest.MonkeyPatch
         time.sleep(0.12)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="a pseudo-terminal is needed")
+@pytest.mark.skipif(
+    sys.platform == "win32", reason="needs a pseudo-terminal: run it on Linux or macOS"
+)
 def test_on_a_terminal_there_is_a_bar_and_no_lines() -> None:
     import pty
 

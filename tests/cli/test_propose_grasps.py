@@ -20,6 +20,7 @@ def _command(folder: Path, *more: str) -> list[str]:
     return ["propose-grasps", "--object", "cube", "--gripper", "parallel", *tables, *out, *more]
 
 
+@pytest.mark.slow
 def test_grasps_are_written_with_their_figures_and_drawn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

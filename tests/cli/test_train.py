@@ -21,7 +21,7 @@ def test_the_other_methods(world: Path, method: str) -> None:
     assert main(predict(world)) == 0
 
 
-@pytest.mark.parametrize("method", ["direct", "MLP"])
+@pytest.mark.parametrize("method", [pytest.param("direct", marks=pytest.mark.slow), "MLP"])
 def test_the_order_of_the_estimates_changes_no_byte_of_the_model(world: Path, method: str) -> None:
     files = []
     for names in ("abc", "cab", "bca"):

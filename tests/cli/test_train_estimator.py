@@ -50,7 +50,7 @@ def test_mistakes(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     if "--device" in more:
-        pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
+        pytest.importorskip("torch", reason="needs PyTorch: pip install 'graspcast[train]'")
     else:
         monkeypatch.setattr(pytorch, "find_spec", lambda name: object())
     assert main([*command, *more]) == 2

@@ -114,6 +114,7 @@ def trials_of(stages: Path, out: Path) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_looking_again_is_scored_certified_predicted_and_monitored(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,8 +11,6 @@ import pytest
 from graspcast import diagnose
 from sick_files import healthy
 
-DATA = Path(__file__).parents[3] / "shared" / "data"
-
 
 def test_nothing_of_whole_files(tmp_path: Path) -> None:
     assert diagnose(healthy().write(tmp_path)) == []
@@ -56,10 +54,9 @@ def test_scenes_for_calibration(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not DATA.is_dir(), reason="the shared data are not here")
 @pytest.mark.parametrize("name", ["lmo", "ycbv"])
-def test_no_error_on_published_data(name: str) -> None:
-    found = diagnose([DATA / "bop" / name, DATA / "published" / name])
+def test_no_error_on_published_data(name: str, data_dir: Path) -> None:
+    found = diagnose([data_dir / "bop" / name, data_dir / "published" / name])
     assert {f.severity for f in found} <= {"note"}
     paths = [f.path for f in found]
     assert len(set(paths)) == len(paths)

@@ -100,7 +100,9 @@ def test_scores_are_those_of_forecasts_without_the_supporter(
 # --- Any number of estimators ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("names", ["ab", "abc", "abcd", "abcde", "abcdef"])
+@pytest.mark.parametrize(
+    "names", ["ab", "abc", *(pytest.param("abcdef"[:n], marks=pytest.mark.slow) for n in (4, 6))]
+)
 def test_two_to_six_estimators(names: str, models: dict[str, Models]) -> None:
     world = EstimatorWorld.make(60, names, scenes=6, tried="a")
     heard: list[float] = []

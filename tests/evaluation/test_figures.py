@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from graspcast.errors import ExtraMissingError, InputError
 from graspcast.evaluation.bootstrap import Bootstrap
@@ -41,8 +42,7 @@ def words(svg: Path) -> str:
 
 @pytest.mark.slow
 def test_figures_are_drawn_and_say_what_they_show(every: list[Forecasts], tmp_path: Path) -> None:
-    image = pytest.importorskip("PIL.Image")
-    pytest.importorskip("matplotlib")
+    pytest.importorskip("matplotlib", reason="needs Matplotlib: pip install 'graspcast[plot]'")
     paths = draw_figures(every, tmp_path, methods=METHODS, bootstrap=Bootstrap(draws=50))
     assert sorted(p.name for p in tmp_path.iterdir()) == [
         "reliability.png",
@@ -58,7 +58,7 @@ def test_figures_are_drawn_and_say_what_they_show(every: list[Forecasts], tmp_pa
         assert f"ECE {calibration_error(f.probability, f.success):.3f}" in reliability
         assert f"{f.method}  {risk_coverage(f.probability, f.success).area:.3f}" in risk
     for path in paths:
-        with image.open(path.with_suffix(".png")) as picture:
+        with Image.open(path.with_suffix(".png")) as picture:
             pixels = np.asarray(picture.convert("RGB"))
         assert pixels.shape[0] > 400
         inked = (pixels.max(axis=2).astype(int) - pixels.min(axis=2) > 60).mean()
@@ -68,7 +68,7 @@ def test_figures_are_drawn_and_say_what_they_show(every: list[Forecasts], tmp_pa
 
 @pytest.mark.slow
 def test_the_same_forecasts_give_the_same_bytes(every: list[Forecasts], tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
+    pytest.importorskip("matplotlib", reason="needs Matplotlib: pip install 'graspcast[plot]'")
     how = Bootstrap(draws=20)
     for folder in ("one", "two"):
         draw_figures(every, tmp_path / folder, methods=METHODS, bootstrap=how)

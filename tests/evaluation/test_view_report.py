@@ -20,7 +20,7 @@ ROWS = [ViewRow("2 views", 2), ViewRow("3 views", 3), ViewRow("b", 3, ViewModelR
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    whole, sources = benchmark(tmp_path_factory.mktemp("models"), grippers=("p", "u"))
+    whole, sources = benchmark(tmp_path_factory.mktemp("models"))
     views = fuse_benchmark(sources, whole.estimates, ROWS)
     return evaluate_views(
         replace(whole, views=views),

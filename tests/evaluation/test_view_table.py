@@ -15,6 +15,8 @@ from graspcast.evaluation.view_sets import ViewRow
 from graspcast.evaluation.view_table import ONE_VIEW, forecast_with_views
 from viewed import SMALL, benchmark
 
+pytestmark = pytest.mark.slow  # the table is forecast once, for all of them
+
 ROWS = [ViewRow("2 views", 2), ViewRow("3 views", 3)]
 
 

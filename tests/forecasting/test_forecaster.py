@@ -122,7 +122,9 @@ def test_other_estimators_and_objects_are_refused(
         with pytest.raises(
             MismatchError, match="models for dataset 'd'; there are models of: none"
         ):
-            trained[way].predict(three, "d-1")
+            trained[way].predict(three, "d-1", models={})
+        carried = trained[way].predict(three, "d-1")
+        assert carried.reason == trained[way].predict(three, "d-1", models=models).reason
         with pytest.raises(MismatchError, match="there are models of: lmo, ycbv"):
             elsewhere = {"lmo": models["d"], "ycbv": models["d"]}
             trained[way].predict(three, "d-1", models=elsewhere)

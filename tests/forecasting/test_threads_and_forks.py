@@ -25,13 +25,12 @@ SETTINGS = {
     "settings": NetworkSettings(members=2, optimiser=MlpSettings(epochs=5)),
 }
 slow = pytest.mark.slow
-LAYERS = ("workqueue", *(pytest.param(name, marks=slow) for name in ("default", "omp", "tbb")))
 WAYS = ("blend", pytest.param("MLP-O", marks=slow))
-forks = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
 
 COMMON = """
 import multiprocessing, os, sys, threading, time, traceback
 from concurrent.futures import ThreadPoolExecutor
+import numba
 import numpy as np
 import synthetic
 from graspcast import Forecaster
@@ -86,6 +85,10 @@ assert all(other == single for other in others)
 assert np.array_equal(first, whole)
 with ThreadPoolExecutor(8) as pool:
     assert all(np.array_equal(found, whole) for found in pool.map(lambda _: batch(), range(8)))
+try:  # numba's layers, of which some survive neither threads nor forks, have no part in it
+    raise AssertionError(numba.threading_layer())
+except ValueError:
+    pass
 """
 
 FORK = """
@@ -119,34 +122,25 @@ def folder(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequ
     return folder
 
 
-def run(folder: Path, script: str, *arguments: str, layer: str = "default") -> None:
+def run(folder: Path, script: str, *arguments: str) -> None:
     """Run a script, which raises if a verdict differs; batches are on four threads."""
     file = folder / "script.py"
     file.write_text(COMMON + script)
     paths = [str(Path(__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "NUMBA_NUM_THREADS": "4"}
-    environment["NUMBA_THREADING_LAYER"] = layer
     command = [sys.executable, file, folder / "model.npz", folder / "models", *arguments]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr[-2000:]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("layer", LAYERS)
-def test_eight_threads_at_once_get_what_one_gets(folder: Path, layer: str) -> None:
-    run(folder, THREADS, layer=layer)
-
-
-@pytest.mark.slow
-@forks
-@pytest.mark.parametrize("layer", LAYERS)
-def test_twenty_children_get_what_their_parent_got(folder: Path, layer: str) -> None:
-    run(folder, FORK, layer=layer)
+def test_eight_threads_at_once_and_twenty_children_get_what_one_gets(folder: Path) -> None:
+    run(folder, THREADS + (FORK if hasattr(os, "fork") else ""))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("way", ["spawn", pytest.param("fork", marks=slow)])
 def test_pools_of_processes(folder: Path, way: str) -> None:
     if way == "fork" and not hasattr(os, "fork"):
-        pytest.skip("this system cannot fork")
+        pytest.skip("this system cannot fork: run it on Linux or macOS")
     run(folder, PROCESSES, way)

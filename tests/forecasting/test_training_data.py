@@ -134,6 +134,7 @@ def campaign(path: Path, trials: SimulatedTrials, gripper: str) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_simulated_trials_of_one_gripper_from_several_campaigns(tmp_path: Path) -> None:
     first, second, other = (
         synthetic.error_outcomes(n, name, seed=n)

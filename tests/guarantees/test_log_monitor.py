@@ -71,10 +71,10 @@ def test_interleaved_outcomes_count_by_episode(path, certificate) -> None:
     order = [("0.0", True), ("1.0", False), ("0.1", False), ("1.1", True), ("2.0", True)]
     write(path, [scene(i) for i in range(3)], order)
     found = followed(path, certificate)
-    assert found.monitor.log_wealth == straight((1, 0), (0, 1)).log_wealth
+    assert found.monitor.log_wealth == straight((True, False), (False, True)).log_wealth
     assert (found.status.attempts, found.status.waiting) == (4, 1)
     found.close_episodes()
-    assert found.monitor.log_wealth == straight((1, 0), (0, 1), (1,)).log_wealth
+    assert found.monitor.log_wealth == straight((True, False), (False, True), (True,)).log_wealth
 
 
 def test_updates_in_parts_are_those_of_one_pass(path, certificate) -> None:

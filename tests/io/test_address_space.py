@@ -14,7 +14,7 @@ from graspcast.errors import InputError
 from graspcast.io.address_space import check_address_space
 
 SOURCE = Path(__file__).parents[2] / "src"
-resource = pytest.importorskip("resource")
+resource = pytest.importorskip("resource", reason="limits of processes are POSIX: run it on Linux")
 
 
 def limited(limit: int, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -32,7 +32,9 @@ def limited(limit: int, *arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere it is not enforced")
+@pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="elsewhere it is not enforced: run it on Linux"
+)
 @pytest.mark.parametrize("limit", [300_000_000, 1_000_000_000])
 def test_too_little_is_said_before_anything_is_loaded(limit: int, tmp_path: Path) -> None:
     done = limited(limit, "grasps", "--out", str(tmp_path / "sheet.png"))

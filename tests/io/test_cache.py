@@ -15,7 +15,9 @@ def test_the_environment_variable_comes_first(monkeypatch: pytest.MonkeyPatch) -
     assert cache_directory() == Path("/somewhere/else")
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="XDG directories are those of Linux")
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="XDG directories are those of Linux: run it there"
+)
 def test_the_platform_gives_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("GRASPCAST_CACHE", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", "/xdg")

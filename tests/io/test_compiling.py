@@ -52,7 +52,7 @@ def test_machine_code_is_kept(tmp_path: Path) -> None:
 
 
 def test_what_a_killed_process_left_is_removed_with_the_next_write(tmp_path: Path) -> None:
-    pytest.importorskip("fcntl", reason="no locks, no sweeping")
+    pytest.importorskip("fcntl", reason="needs locks of POSIX: run it on Linux or macOS")
     script, cache = tmp_path / "script.py", tmp_path / "cache"
     killed = """
 import os, signal
@@ -72,7 +72,10 @@ os.fsync = lambda handle: os.kill(os.getpid(), signal.SIGKILL)
     assert not [p for p in cache.rglob("*") if ".tmp" in p.name]
 
 
-@pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs a directory that nobody may write")
+@pytest.mark.skipif(
+    not Path("/proc").is_dir(),
+    reason="needs a directory that nobody may write, /proc: run it on Linux",
+)
 def test_where_nothing_can_be_cached_it_is_compiled_all_the_same(tmp_path: Path) -> None:
     # Files of unknown place have no cache directory: what an unwritable installation gives.
     script = tmp_path / "script.py"
@@ -83,7 +86,9 @@ def test_where_nothing_can_be_cached_it_is_compiled_all_the_same(tmp_path: Path)
 
 
 def test_a_full_disk_does_not_matter(tmp_path: Path) -> None:
-    resource = pytest.importorskip("resource")
+    resource = pytest.importorskip(
+        "resource", reason="limits of processes are POSIX: run it on Linux"
+    )
     script = tmp_path / "script.py"
     hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
     script.write_text(

@@ -39,7 +39,9 @@ from graspcast.simulation.objects.catalogue import read_catalogue
 from graspcast.simulation.objects.meshes import read_mesh as read_own_mesh
 
 DATA = Path(__file__).parent.parent / "data"
-posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such files")
+posix = pytest.mark.skipif(
+    sys.platform == "win32", reason="Windows has no such files: run it on Linux or macOS"
+)
 
 
 def test_the_content_of_a_file_and_of_a_link_to_it(tmp_path: Path) -> None:

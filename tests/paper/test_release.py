@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -112,6 +113,20 @@ def test_a_small_release(tmp_path: Path) -> None:
     assert lmo == Imported("lmo", {"epos": 1}, trials=1, instances=2, unseen=1)
     trials = pl.read_csv(tmp_path / "out" / "lmo" / "trials.csv")
     assert trials.row(0) == ("epos", "lmo", 2, 3, 1, "parallel", 1)
+
+
+def test_estimates_by_weights_that_no_trial_used_are_left_out(tmp_path: Path) -> None:
+    folder = make_release(tmp_path / "release")
+    other = folder.parent / "a-other-weights"
+    shutil.copytree(folder, other)
+    pose = np.eye(4)[None].copy()
+    pose[0, 2, 3] = 0.7
+    np.savez(other / "pose_data_lmo-1-epos.npz", T_est=pose, T_gt=pose)
+    (other / "NOTE.txt").write_text("The weights are damaged.\n")
+    lmo, _ = import_release(tmp_path / "release", tmp_path / "out")
+    assert lmo == Imported("lmo", {"epos": 1}, trials=1, instances=2, unseen=1)
+    poses = read_results(tmp_path / "out" / "lmo" / "epos_lmo-test.csv").cam_T_obj
+    assert_allclose(poses[0, 2, 3], 0.9)
 
 
 @pytest.mark.parametrize(

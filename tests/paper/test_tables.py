@@ -63,6 +63,7 @@ def test_table_two(data: Published) -> None:
                 ), (dataset, estimator, measure)
 
 
+@pytest.mark.slow
 def test_the_baselines_row_of_table_three(data: Published) -> None:
     ours, note = table3_baseline(data)
     printed = paper_tables()["table3"]["baseline"]

@@ -34,7 +34,9 @@ from graspcast.perception.run import run_external
 
 GUIDE = Path(__file__).parents[2] / "docs" / "estimators.md"
 ENV = {**os.environ, "PYTHONPATH": str(Path(graspcast.__file__).parents[1])}
-posix = pytest.mark.skipif(os.name != "posix", reason="signals and process groups are POSIX")
+posix = pytest.mark.skipif(
+    os.name != "posix", reason="signals and process groups are POSIX: run it on Linux or macOS"
+)
 
 
 def is_running(pid: int) -> bool:

@@ -11,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and groups are POSIX")
+pytestmark = pytest.mark.skipif(
+    os.name != "posix", reason="signals and groups are POSIX: run it on Linux or macOS"
+)
 
 SOURCE = Path(__file__).parents[2] / "src"
 PARENT = """
@@ -65,7 +67,7 @@ def started(tmp_path: Path, deaf: bool) -> tuple[subprocess.Popen[bytes], list[i
     return process, [int(pid) for pid in note.read_text().split()]
 
 
-@pytest.mark.parametrize("deaf", [False, True])
+@pytest.mark.parametrize("deaf", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_killed_parent_takes_command_and_children_along(tmp_path: Path, deaf: bool) -> None:
     process, pids = started(tmp_path, deaf)
     assert len(pids) == 2 and all(map(is_running, pids))
@@ -79,7 +81,7 @@ def test_a_killed_supervisor_takes_the_command_along(tmp_path: Path) -> None:
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
     if not children.exists():
         process.kill()
-        pytest.skip("this system does not list a process's children in /proc")
+        pytest.skip("needs lists of a process's children in /proc: run it on Linux")
     for pid in children.read_text().split():
         os.kill(int(pid), signal.SIGKILL)
     assert process.wait(30) == 1  # an EstimatorFailedError, which nobody handles here

@@ -48,12 +48,12 @@ def watch_elsewhere(
         ({"MUJOCO_GL": "osmesa", "PYOPENGL_PLATFORM": "egl"}, ["OSMESA", "libosmesa6", "=egl"]),
     ],
 )
-@pytest.mark.skipif(sys.platform != "linux", reason="EGL and OSMesa are Linux's")
+@pytest.mark.skipif(sys.platform != "linux", reason="EGL and OSMesa are Linux's: run it there")
 def test_without_opengl_it_is_drawn_in_software_and_said_why(
     tmp_path: Path, tables: list[str], environment: dict[str, str], words: list[str]
 ) -> None:
     if environment != {"MUJOCO_GL": "disable"}:
-        pytest.importorskip("OpenGL", reason="pyopengl is not installed (extra render)")
+        pytest.importorskip("OpenGL", reason="needs PyOpenGL: pip install 'graspcast[render]'")
     done = watch_elsewhere(tmp_path / "a.png", tables, environment)
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("drawn in software") == 1
@@ -72,7 +72,7 @@ def test_without_pyopengl_it_is_drawn_in_software(tmp_path: Path, tables: list[s
         assert orange(np.asarray(image)) > 1000
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="EGL and OSMesa are Linux's")
+@pytest.mark.skipif(sys.platform != "linux", reason="EGL and OSMesa are Linux's: run it there")
 def test_a_backend_that_nobody_knows_is_refused(tmp_path: Path, tables: list[str]) -> None:
     done = watch_elsewhere(tmp_path / "a.png", tables, {"MUJOCO_GL": "vulkan"})
     assert done.returncode == 2, done.stderr

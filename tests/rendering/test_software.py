@@ -63,7 +63,7 @@ def drawn(drawer: Drawer, scene: mujoco.MjvScene) -> np.ndarray:
 @pytest.fixture
 def opengl(seen: Appearance) -> Iterator[OpenGLDrawer]:
     if reason := why_software():
-        pytest.skip(f"no OpenGL here: {reason}")
+        pytest.skip(f"no OpenGL here ({reason}): apt-get install libegl1 or libosmesa6")
     yield OpenGLDrawer(seen.model, WIDTH, HEIGHT)
 
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
 
-from graspcast.bop.models import Models
+from graspcast.bop.dataset import BopDataset
 from graspcast.estimates.outcomes import ERROR_COLUMNS, error_numbers
 from graspcast.report.error_sizes import all_trials, error_section, obj_T_est
 from graspcast.report.run_data import RunData
@@ -34,7 +32,8 @@ def test_bins_hold_all_trials_and_small_errors_succeed(run: RunData) -> None:
 def test_symmetries_count_where_there_are_models(run: RunData, tmp_path: Path) -> None:
     half = np.diag([-1.0, -1.0, 1.0, 1.0])
     info = {"symmetries_discrete": [half.ravel().tolist()]}
-    dataset: Any = SimpleNamespace(models=Models(write_models(tmp_path, obj_1=info)))
+    write_models(tmp_path / "d" / "models", obj_1=info)
+    dataset = BopDataset(tmp_path / "d")
     numbers = error_numbers(half[None])[0]
     table = (
         run.trials[0]

@@ -1,5 +1,7 @@
 from types import SimpleNamespace as Message
 
+import pytest
+
 from graspcast.ros.diagnostics import (
     ERROR,
     OK,
@@ -9,6 +11,8 @@ from graspcast.ros.diagnostics import (
     monitor_status,
 )
 from graspcast.ros.problems import Problems
+
+pytestmark = pytest.mark.ill_typed  # a judge with nothing but its counts
 
 
 def judge(frames, *kinds):

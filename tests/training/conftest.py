@@ -24,6 +24,6 @@ def solids(tmp_path_factory: pytest.TempPathFactory) -> Objects:
     try:
         open_context(8, 8).free()
     except GraspcastError as error:
-        pytest.skip(f"no OpenGL here: {error}")
+        pytest.skip(f"no OpenGL here ({error}): apt-get install libegl1 or libosmesa6")
     folder = write_solid_models(tmp_path_factory.mktemp("data") / "toy" / "models")
     return Objects.read(folder, [1, 4])

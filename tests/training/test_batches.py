@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
+torch = pytest.importorskip("torch", reason="needs PyTorch: pip install 'graspcast[train]'")
 
 from graspcast.perception.crops import Crop  # noqa: E402
 from graspcast.rendering.synthetic.camera import INTRINSICS as K  # noqa: E402

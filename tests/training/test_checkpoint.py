@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
+torch = pytest.importorskip("torch", reason="needs PyTorch: pip install 'graspcast[train]'")
 
 from graspcast.errors import FormatError, InputError  # noqa: E402
 from graspcast.training.batches import Batch, make_batch  # noqa: E402

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
+torch = pytest.importorskip("torch", reason="needs PyTorch: pip install 'graspcast[train]'")
 
 from graspcast.training import fitting  # noqa: E402
 from graspcast.training.checkpoint import Checkpoint  # noqa: E402

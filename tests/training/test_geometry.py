@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
+torch = pytest.importorskip("torch", reason="needs PyTorch: pip install 'graspcast[train]'")
 
 from graspcast.rendering.synthetic.tabletop import ColouredMesh  # noqa: E402
 from graspcast.training.geometry import Geometry, farthest_points  # noqa: E402

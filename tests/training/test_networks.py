@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
+torch = pytest.importorskip("torch", reason="needs PyTorch: pip install 'graspcast[train]'")
 
 from graspcast.training.networks import CELLS, NETWORKS, _moments  # noqa: E402
 from poses import random_poses  # noqa: E402

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
-pytest.importorskip("onnxscript", reason="onnxscript is not installed (extra train)")
+torch = pytest.importorskip("torch", reason="needs PyTorch: pip install 'graspcast[train]'")
+pytest.importorskip("onnxscript", reason="needs onnxscript: pip install 'graspcast[train]'")
 
 from graspcast.perception.network import Network  # noqa: E402
 from graspcast.training.checkpoint import Checkpoint  # noqa: E402

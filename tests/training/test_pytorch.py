@@ -18,7 +18,7 @@ def test_what_is_missing_is_named_with_the_line_that_installs_it(
 
 
 def test_devices() -> None:
-    torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
+    torch = pytest.importorskip("torch", reason="needs PyTorch: pip install 'graspcast[train]'")
     assert choose_device("cpu") == "cpu"
     assert choose_device() == ("cuda" if torch.cuda.is_available() else "cpu")
     with pytest.raises(UnknownNameError, match="known: auto, cpu, cuda"):

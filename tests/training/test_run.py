@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
-pytest.importorskip("onnxscript", reason="onnxscript is not installed (extra train)")
+pytest.importorskip("torch", reason="needs PyTorch: pip install 'graspcast[train]'")
+pytest.importorskip("onnxscript", reason="needs onnxscript: pip install 'graspcast[train]'")
 
 from graspcast.errors import InputError, MismatchError
 from graspcast.io.locks import exclusive_lock

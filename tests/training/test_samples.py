@@ -41,6 +41,7 @@ def test_coordinates_project_to_their_cells(directory: Path, solids: Objects) ->
         assert np.abs(place - cells).max() < 1.5 / STORED_CELLS
 
 
+@pytest.mark.slow
 def test_rendering_goes_on_where_it_stopped(
     directory: Path, solids: Objects, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

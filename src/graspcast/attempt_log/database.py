@@ -11,6 +11,8 @@ from os import PathLike
 from pathlib import Path
 from urllib.parse import quote
 
+import polars as pl
+
 from graspcast.attempt_log.schema import APPLICATION_ID, STATEMENTS, TABLES, VERSION
 from graspcast.errors import FormatError, GraspcastError, InputError
 
@@ -39,6 +41,8 @@ def in_words(path: str | PathLike[str]) -> Iterator[None]:
         yield
     except sqlite3.Error as error:
         raise _told(Path(path), error) from error
+    except (UnicodeDecodeError, *_NO_VALUES) as error:
+        raise _damaged(Path(path), str(error)) from error
 
 
 def connect_reading(path: Path) -> sqlite3.Connection:
@@ -56,7 +60,7 @@ def connect_reading(path: Path) -> sqlite3.Connection:
         except sqlite3.OperationalError as error:
             # Without write permission in the directory, SQLite can make no shared memory.
             unfinished = _size(path.with_name(path.name + "-wal"))
-            if error.sqlite_errorname not in _CANNOT_OPEN or unfinished:
+            if _name_of(error) not in _CANNOT_OPEN or unfinished:
                 raise
             connection = _reading(path, "&immutable=1")
     return connection
@@ -228,26 +232,39 @@ def _refuse_network(path: Path) -> None:
         )
 
 
+_NO_VALUES = (pl.exceptions.PolarsError, OverflowError, TypeError, ValueError)
+"""What tables raise for values that no writer writes."""
 _CANNOT_OPEN = ("SQLITE_CANTOPEN", "SQLITE_READONLY_DIRECTORY", "SQLITE_READONLY_CANTINIT")
+
+
+def _first_line(text: str) -> str:
+    """Return what fits a message, without what a terminal would take for a command."""
+    lines = [line for line in text.splitlines() if line.strip("* ")] or ["?"]
+    return "".join(c if c.isprintable() else "?" for c in lines[0])[:200]
 
 
 def _damaged(path: Path, what: str) -> FormatError:
     return FormatError(
         path,
-        f"is damaged ({what.splitlines()[-1]}); keep it aside, and go on with a copy of it or a "
+        f"is damaged ({_first_line(what)}); keep it aside, and go on with a copy of it or a "
         "new log (sqlite3's .recover saves what can be read)",
         parameters=("log",),
     )
 
 
+def _name_of(error: sqlite3.Error) -> str:
+    """Return SQLite's name of an error; Python's own errors have none."""
+    return getattr(error, "sqlite_errorname", None) or ""
+
+
 def _told(path: Path, error: sqlite3.Error) -> GraspcastError:
     """Return the error that says what to do."""
-    name = getattr(error, "sqlite_errorname", None) or ""
+    name = _name_of(error)
     if name == "SQLITE_NOTADB":
         return FormatError(
             path, "is no attempt log (no SQLite file); name another file", parameters=("log",)
         )
-    if name.startswith("SQLITE_CORRUPT"):
+    if name.startswith("SQLITE_CORRUPT") or "Could not decode to UTF-8" in str(error):
         return _damaged(path, str(error))
     if name.startswith(("SQLITE_FULL", "SQLITE_IOERR")):
         why = "the disk is full" if name == "SQLITE_FULL" else f"the disk failed ({error})"

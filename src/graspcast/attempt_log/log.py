@@ -245,8 +245,12 @@ class AttemptLog:
                     ticket.run(connection)
                 connection.execute("COMMIT")
         except BaseException as error:
+            told = error
+            if not isinstance(error, GraspcastError):
+                # Other threads are not interrupted because this one is.
+                told = InputError(f"{self.path}: writing was broken off; write the record again")
             for ticket in batch:
-                ticket.error = ticket.error or error
+                ticket.error = ticket.error or told
             if self._connection is not None and self._connection.in_transaction:
                 with suppress(sqlite3.Error):
                     self._connection.execute("ROLLBACK")

@@ -165,15 +165,22 @@ def _outcomes(decisions: pl.DataFrame, ranked: pl.DataFrame, left: Counter[str])
     known = set(ranked["estimator"])
     fused = decisions.filter(~pl.col("guide").is_in(list(known)))
     left["a fused pose guided the grasp"] += len(fused)
-    keys = [*_FRAME, "object_name", "cam_T_obj"]
+    keys = [*_FRAME, "object_name", "guide"]
     mine = decisions.filter(pl.col("guide").is_in(list(known)))
-    found = mine.join(
-        ranked.select(
-            *keys, pl.col("estimator").alias("guide"), "dataset", "obj_id", "est_id"
-        ).unique([*keys, "guide"], maintain_order=True),
-        on=[*keys, "guide"],
-        how="inner",
-        maintain_order="left",
+    guides = ranked.select(
+        *_FRAME,
+        "object_name",
+        pl.col("estimator").alias("guide"),
+        pl.col("cam_T_obj").alias("cam_T_est"),
+        "dataset",
+        "obj_id",
+        "est_id",
+    )
+    found = mine.join(guides, on=keys, how="inner", maintain_order="left_right")
+    pairs = found.select("cam_T_obj", "cam_T_est").iter_rows()
+    same = [obj is not None and _is_same(_pose(obj), _pose(est)) for obj, est in pairs]
+    found = found.filter(pl.Series(same, dtype=pl.Boolean)).unique(
+        "id", keep="first", maintain_order=True
     )
     left["the guide's estimate is not in the frame"] += len(mine) - len(found)
     table = found.select(
@@ -184,6 +191,11 @@ def _outcomes(decisions: pl.DataFrame, ranked: pl.DataFrame, left: Counter[str])
     once = table.unique(list(TRIAL_SCHEMA), keep="first", maintain_order=True)
     left["a further grasp by the same estimate"] += len(table) - len(once)
     return once
+
+
+def _is_same(one: ndarray, other: ndarray) -> bool:
+    """Return whether a guide's pose is an estimate's, perhaps made a rotation to the last digit."""
+    return bool(np.allclose(one, other, rtol=0.0, atol=1e-5))
 
 
 def _results(rows: pl.DataFrame, source: str) -> Results:

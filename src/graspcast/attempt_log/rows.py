@@ -14,6 +14,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.attempt_log.records import DecisionRecord, FrameRecord, OutcomeRecord
+from graspcast.errors import InputError
 
 __all__ = [
     "DECISION_COLUMNS",
@@ -130,7 +131,9 @@ def matrix(blob: bytes | None) -> Float[ndarray, "n n"] | None:
     """Return a stored matrix, 4x4 or 3x3."""
     if blob is None:
         return None
-    size = 4 if len(blob) == 128 else 3
+    size = {128: 4, 72: 3}.get(len(blob))
+    if size is None:
+        raise InputError(f"a stored matrix has {len(blob)} bytes: the log is damaged, check it")
     return np.frombuffer(blob, dtype="<f8").astype(np.float64).reshape(size, size)
 
 

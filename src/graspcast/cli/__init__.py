@@ -22,6 +22,7 @@ from graspcast.cli import (
     errors,
     estimate,
     evaluate,
+    fetch,
     fit_grasp,
     fuse,
     grasps,
@@ -86,6 +87,7 @@ _VERBS = (
     view,
     overlay,
     rosbag,
+    fetch,
     import_release,
 )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_table, print_text
@@ -25,6 +24,7 @@ from graspcast.cli.options import (
 from graspcast.cli.progress import progress_bar
 from graspcast.cli.promises import confidence_of, print_alternatives, promised, rate_of
 from graspcast.cli.view_options import add_policy, motions_of, policy_options
+from graspcast.demo_data import model_path
 from graspcast.errors import InputError
 from graspcast.io.wording import counted
 
@@ -52,7 +52,7 @@ def add(verbs: Verbs) -> None:
     add_inputs(verb, required=False)
     add_from_log(verb, "whose decisions by this model are certified")
     add_images(verb)
-    verb.add_argument("--model", metavar="PATH", type=Path, required=True, help="from train")
+    verb.add_argument("--model", metavar="PATH", type=model_path, required=True, help="from train")
     add_outcomes(verb, required=False)
     add_policy(
         verb,

@@ -8,6 +8,7 @@ from pathlib import Path
 from graspcast.cli.console import note, print_text
 from graspcast.cli.options import Verbs, new_verb, positive, share
 from graspcast.cli.progress import progress_bar
+from graspcast.demo_data import model_path
 from graspcast.io.wording import counted
 
 __all__ = ["add"]
@@ -32,7 +33,7 @@ def add(verbs: Verbs) -> None:
     verb.add_argument(
         "--model",
         metavar="PATH",
-        type=Path,
+        type=model_path,
         action="append",
         required=True,
         help="from train; further ones, trained with fewer estimators, serve where one is missing",

@@ -172,10 +172,7 @@ def _train(options: argparse.Namespace) -> None:
     from graspcast.forecasting.train import fit_forecaster
     from graspcast.simulation.grasps.table import read_grasps
 
-    check_sources(options, outcomes=False)
-    logged = recorded_of(options) if options.from_log else None
-    inputs = inputs_with_images(options) if logged is None else logged.inputs
-    data = _training_data(options, inputs, logged)
+    inputs, data = _inputs_and_data(options)
     note(*inputs.notes, *inputs.lengths)
     settings = {
         "method": options.method,
@@ -190,7 +187,7 @@ def _train(options: argparse.Namespace) -> None:
         ),
     }
     scores: dict[str, dict[str, Any]] = {}
-    scored = bool(options.outcomes or logged)
+    scored = bool(options.outcomes or options.from_log)
     if not scored:
         note("no scores, since without --outcomes there are no outcomes to compare forecasts with")
     others: dict[str, HeldOut] = {}
@@ -237,6 +234,14 @@ def _told(card: ModelCard, *, views: bool) -> str:
         f"{counted(len(card.objects), 'object')}{simulated}{grasps}, "
         f"{counted(card.samples, 'sample')}{more}"
     )
+
+
+def _inputs_and_data(options: argparse.Namespace) -> tuple[Inputs, TrainingData]:
+    """Read files, or attempt logs."""
+    check_sources(options, outcomes=False)
+    logged = recorded_of(options) if options.from_log else None
+    inputs = inputs_with_images(options) if logged is None else logged.inputs
+    return inputs, _training_data(options, inputs, logged)
 
 
 _SEEN = {

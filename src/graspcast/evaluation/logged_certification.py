@@ -105,11 +105,12 @@ def certify_log(
         forecaster.card, trials, asked, seen, sequence=order, provenance=more
     )
     notes = [f"left out {counted(n, 'decision')}: {why}" for why, n in sorted(left.items())]
-    notes.append(
-        f"nothing below the threshold {lowest:g} was attempted, so none below it can be certified"
-        if policy is None
-        else f"the policy was run with the threshold {lowest:g}, so that one alone can be certified"
-    )
+    if policy is not None:
+        notes.append(f"the policy was run with the threshold {lowest:g}; no other is certified")
+    elif lowest > 0.0:
+        notes.append(
+            f"nothing below the threshold {lowest:g} was attempted, so none below it is certified"
+        )
     return LoggedCertificate(replace(certificate, policy=policy), tuple(notes))
 
 

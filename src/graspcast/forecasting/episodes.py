@@ -72,7 +72,7 @@ class Episodes:
     dataset
         The dataset's name, as in training.
     models
-        Dataset's name to its object models.
+        Dataset's name to its object models; those that the model file carries if None.
     threshold
         Attempt at this probability or above it; 0.5 if None and there is no certificate.
     guide
@@ -144,7 +144,8 @@ class Episodes:
             guarantee=guarantee,
             certificate=certificate,
         )
-        self.forecaster, self.dataset, self.models = forecaster, dataset, models
+        self.forecaster, self.dataset = forecaster, dataset
+        self.models = forecaster.models_or(models)
         self.max_looks, self.max_views = int(max_looks), int(max_views)
         self._noise, self._certified = noise, certificate is not None
         # Whose estimates are the instances: the guide's, or those of one that may guide.

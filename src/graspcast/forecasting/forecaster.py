@@ -122,6 +122,10 @@ class Forecaster:
         """Whether its features need object models."""
         return self.card.features not in ("paper", ONE_VIEW_FEATURES)
 
+    def models_or(self, models: Mapping[str, Models] | None = None) -> Mapping[str, Models] | None:
+        """Return object models; those that the model file carries if None."""
+        return self.known.models if models is None and self.known is not None else models
+
     def probability(
         self,
         estimates: Estimates,
@@ -139,7 +143,7 @@ class Forecaster:
         estimates
             Poses by (at least) the principal and the supporters.
         models
-            Dataset's name to its object models, if :attr:`needs_models`.
+            Dataset's name to its object models; those that the model file carries if None.
         unseen_objects
             Also forecast objects that are not in training, if the method can.
         grasp
@@ -372,7 +376,7 @@ class Forecaster:
         if self.visibility is not None:
             found = features_of_one(mine, self.visibility.names)
         else:
-            found = features_of(mine, card.principal, card.features, models)
+            found = features_of(mine, card.principal, card.features, self.models_or(models))
         return found, self.card.numbers_of(estimates.objects.tolist(), unseen)
 
     def save(self, path: str | PathLike[str]) -> None:

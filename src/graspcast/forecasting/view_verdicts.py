@@ -108,7 +108,7 @@ def judge(
     """
     if threshold is not None:
         check_threshold(threshold)
-    frame = _Frame.of(forecaster, fused, models or {}, guide)
+    frame = _Frame.of(forecaster, fused, forecaster.models_or(models) or {}, guide)
     if seen is not None:
         frame = replace(frame, seen=seen)
     options: dict[str, Any] = {"guarantee": guarantee, "ood_alpha": ood_alpha}
@@ -151,7 +151,7 @@ def with_further_looks(
     world
         Scene and image to the camera's pose in the world, metres, where it is known.
     """
-    out, frame = list(rows), _Frame.of(forecaster, fused, models or {}, guide)
+    out, frame = list(rows), _Frame.of(forecaster, fused, forecaster.models_or(models) or {}, guide)
     frame.look_again(out, max_looks, min_gain, world=world, noise=noise)
     return out
 

@@ -161,6 +161,15 @@ def _read_split(folder: Path, out: dict[str, _Dataset]) -> None:
             out[_DATASETS[dataset]].split.append((principal.lower(), gripper.lower(), key, part))
 
 
+def _has_trials(release: Path, folder: Path) -> bool:
+    """Whether trials were guided by the estimates of a folder.
+
+    The repository also holds estimates of the same estimators with other weights, in folders beside
+    it, which no trial used.
+    """
+    return any((release / gripper / folder).is_dir() for gripper in _GRIPPERS)
+
+
 def read_release(release: str | PathLike[str]) -> dict[str, _Dataset]:
     """Read a checkout of the authors' repository.
 
@@ -180,6 +189,8 @@ def read_release(release: str | PathLike[str]) -> dict[str, _Dataset]:
         )
     out = {name: _Dataset() for name in _DATASETS.values()}
     for index in sorted(estimates.glob("*/*/**/*.txt")):
+        if not _has_trials(release, index.parent.relative_to(estimates)):
+            continue
         match = re.fullmatch(r"(lmo|ycbv)-(\d+)-(\w+)", index.stem)
         if match is None:
             raise FormatError(index, "is not named as an index (lmo-1-epos.txt)")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from graspcast.report.svg import Drawing, ticks
+from graspcast.report.svg import Drawing, Number, ticks
 
 __all__ = ["Axes", "axes", "keys_below"]
 
@@ -29,23 +29,23 @@ class Axes:
     """
 
     drawing: Drawing
-    x_range: tuple[float, float]
-    y_range: tuple[float, float]
+    x_range: tuple[Number, Number]
+    y_range: tuple[Number, Number]
     left: float
     right: float
     top: float
     bottom: float
 
-    def x(self, value: float) -> float:
+    def x(self, value: Number) -> float:
         """Return where a value lies from left to right; beyond the ends, at the end."""
         return self._at(value, self.x_range, self.left, self.right)
 
-    def y(self, value: float) -> float:
+    def y(self, value: Number) -> float:
         """Return where a value lies from top to bottom."""
         return self._at(value, self.y_range, self.bottom, self.top)
 
     @staticmethod
-    def _at(value: float, ends: tuple[float, float], start: float, end: float) -> float:
+    def _at(value: Number, ends: tuple[Number, Number], start: float, end: float) -> float:
         share = (value - ends[0]) / (ends[1] - ends[0])
         return start + min(max(share, 0.0), 1.0) * (end - start)
 
@@ -55,9 +55,9 @@ def axes(
     x_label: str,
     y_label: str,
     *,
-    x_range: tuple[float, float] = (0.0, 1.0),
-    y_range: tuple[float, float] = (0.0, 1.0),
-    size: tuple[float, float] = (440.0, 300.0),
+    x_range: tuple[Number, Number] = (0.0, 1.0),
+    y_range: tuple[Number, Number] = (0.0, 1.0),
+    size: tuple[Number, Number] = (440.0, 300.0),
     keys: int = 0,
     x_ticks: Sequence[float] | None = None,
     told: Callable[[float], str] = "{:g}".format,
@@ -98,7 +98,7 @@ def axes(
     return area
 
 
-def keys_below(area: Axes, keys: Sequence[tuple[str, str, str]], *, from_y: float) -> None:
+def keys_below(area: Axes, keys: Sequence[tuple[str, str, str]], *, from_y: Number) -> None:
     """Write what the marks mean, one a row.
 
     Parameters

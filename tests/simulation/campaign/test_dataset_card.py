@@ -20,9 +20,9 @@ def test_the_card_reads_as_it_says(complete: Path) -> None:
     rates = " ".join(card.split())  # without the padding of columns
     assert f"| epos | parallel | 40 | {outcomes['success'].mean():.3f} |" in rates
     assert "CC BY 4.0" in card and "- epos: a test" in card and "LM-O" not in card
-    pandas = pytest.importorskip("pandas")
-    pytest.importorskip("pyarrow")
+    pandas = pytest.importorskip("pandas", reason="needs pandas: pip install pandas")
+    pytest.importorskip("pyarrow", reason="needs PyArrow: pip install pyarrow")
     frame = pandas.read_parquet(complete / "outcomes.parquet")
     assert list(frame.columns) == list(COLUMNS) and len(frame) == 40
-    datasets = pytest.importorskip("datasets")
+    datasets = pytest.importorskip("datasets", reason="needs datasets: pip install datasets")
     assert datasets.load_dataset(str(complete), split="train").num_rows == 40

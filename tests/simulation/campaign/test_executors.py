@@ -24,7 +24,7 @@ SOURCE = Path(graspcast.errors.__file__).parents[1]
 
 @pytest.fixture
 def cluster(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    ray = pytest.importorskip("ray", reason="the extra 'ray' is not installed")
+    ray = pytest.importorskip("ray", reason="needs Ray: pip install 'graspcast[ray]'")
     from ray.cluster_utils import Cluster
 
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
@@ -94,7 +94,8 @@ def test_an_error_in_a_worker_is_raised_here() -> None:
         list(LocalExecutor(2).run({pair: setups[pair]}, batches))
 
 
-@pytest.mark.skipif(not Path("/bin/false").exists(), reason="needs a program that ends at once")
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/bin/false").exists(), reason="needs /bin/false: run it on Linux")
 def test_a_worker_that_dies_at_once_is_noticed_however_long_the_command_line() -> None:
     program = """
 import multiprocessing.spawn

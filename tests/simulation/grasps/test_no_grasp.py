@@ -38,12 +38,14 @@ def test_a_box_that_is_too_wide() -> None:
     assert "opening of 80 mm" in said and "too wide" in said
 
 
+@pytest.mark.slow
 def test_a_thin_plate_on_the_table() -> None:
     said = _why(_block(0.12, 0.12, 0.002))
     assert "the table is in the way" in said
     assert "another gripper" in said
 
 
+@pytest.mark.slow
 def test_a_slippery_ball() -> None:
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.03)
     thing = replace(

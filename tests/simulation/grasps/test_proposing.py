@@ -54,6 +54,7 @@ def test_they_are_different_from_one_another() -> None:
     assert np.all(compose(thing.sim_T_ref, poses)[:, 2, 2] < 0.25)
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_makes_no_difference() -> None:
     gripper = load_gripper("parallel")
     one, two = (
@@ -78,6 +79,7 @@ def test_figures_are_written_and_read_again(tmp_path: Path) -> None:
     assert figures["survived_rms_x_mm"] > 1 and figures["survived_rms_about_z_deg"] > 1
 
 
+@pytest.mark.slow
 def test_a_gripper_of_one_s_own(tmp_path: Path) -> None:
     gripper = load_gripper(write_jaws(tmp_path))
     found = propose_grasps(brick(), gripper, ERRORS, count=2, effort=TINY, workers=1)

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import polars as pl
 import pytest
@@ -31,6 +29,14 @@ SMALL = SearchEffort(
     first_trials=6,
     last_trials=24,
     validation_trials=24,
+)
+TINY = SearchEffort(
+    proposals=30,
+    candidates=3,
+    variations=1,
+    first_trials=4,
+    last_trials=8,
+    validation_trials=8,
 )
 
 
@@ -89,7 +95,7 @@ def test_the_same_seed_finds_the_same_grasp_whatever_the_test_split_says() -> No
             load_gripper("parallel"),
             trials.of("box", "parallel", "train"),
             trials.of("box", "parallel", "validation"),
-            effort=replace(SMALL, candidates=4, variations=1, last_trials=12, validation_trials=12),
+            effort=TINY,
             seed=5,
         )
         poses.append(

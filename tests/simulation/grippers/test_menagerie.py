@@ -97,7 +97,10 @@ def test_a_custom_gripper_has_another_name(tmp_path: Path) -> None:
         load_gripper(path)
 
 
-@pytest.mark.skipif(not Path(ROOT, "robotiq_2f85").is_dir(), reason="needs MENAGERIE_ROOT")
+@pytest.mark.skipif(
+    not Path(ROOT, "robotiq_2f85").is_dir(),
+    reason="needs a checkout of MuJoCo Menagerie, named by MENAGERIE_ROOT",
+)
 def test_the_real_2f85_is_what_its_description_says() -> None:
     report = check_gripper(load_gripper("robotiq_2f85"))
     assert report.passed, str(report)

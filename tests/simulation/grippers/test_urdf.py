@@ -41,6 +41,7 @@ def test_what_xacro_writes_is_read(tmp_path: Path) -> None:
     assert load_gripper(path).spec().compile().nu == 1
 
 
+@pytest.mark.slow
 def test_the_example_in_the_docs(tmp_path: Path) -> None:
     page = (Path(__file__).parents[3] / "docs" / "grippers.md").read_text(encoding="utf-8")
     (example,) = (

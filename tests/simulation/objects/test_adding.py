@@ -52,6 +52,7 @@ def test_what_is_written_is_the_object_and_again_nothing_changes(tmp_path: Path)
     assert content(out) == before
 
 
+@pytest.mark.slow
 def test_others_stay_and_another_object_of_the_number_is_refused(tmp_path: Path) -> None:
     out = tmp_path / "kit"
     write_objects([part(tmp_path / "part.stl")], out, bop_models=False)
@@ -141,6 +142,7 @@ def add_one_by_one(path: Path, out: Path, numbers: list[int], start: float) -> N
         write_objects([numbered(new, number)], out, bop_models=False)
 
 
+@pytest.mark.slow
 def test_two_processes_on_one_directory_lose_nothing(tmp_path: Path) -> None:
     code = (
         "import sys, pathlib, test_adding as t; "

@@ -27,6 +27,7 @@ def test_another_origin() -> None:
     assert said == "the same shape, moved by (0, 0, 51) mm"
 
 
+@pytest.mark.slow
 def test_other_axes() -> None:
     quarter = trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0])
     assert (

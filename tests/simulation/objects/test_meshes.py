@@ -182,6 +182,7 @@ def test_a_tiny_defect_of_a_scan_is_tolerated_and_its_bound_holds(
         assert 0 < abs(got.volume_m3 / whole.volume_m3 - 1) <= bound < 0.01
 
 
+@pytest.mark.slow
 def test_the_meshes_of_the_datasets_are_read_and_weighed(
     data_dir: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -31,7 +31,12 @@ SOLIDS = {
 }
 
 
-@pytest.mark.parametrize("name", SOLIDS)
+FEW = ("box", "cylinder", "cone", "plate", "plate, a hole in a corner", "bracket")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[] if n in FEW else pytest.mark.slow) for n in SOLIDS]
+)
 def test_symmetries_of_known_solids(name: str) -> None:
     mesh, continuous, discrete = SOLIDS[name]
     symmetries = found(mesh)
@@ -42,6 +47,7 @@ def test_a_mirrored_shape_is_no_symmetry() -> None:
     assert str(found(profile())) == "none"
 
 
+@pytest.mark.slow
 def test_a_ball_has_three_axes() -> None:
     ball = found(create.icosphere(4, 0.03))
     assert len(ball.continuous) == 3 and str(ball) == "any rotation (a ball)"
@@ -73,6 +79,7 @@ def test_axes_of_cad_are_exact_and_named() -> None:
     assert str(found(plate())) == "7 rotations, 90° about z, 180° about x, 180° about y"
 
 
+@pytest.mark.slow
 def test_noise_of_a_scan_hides_no_symmetry_and_a_handle_breaks_it() -> None:
     can = create.cylinder(0.035, 0.1, sections=64).subdivide_to_size(0.006)
     noise = np.random.default_rng(0).normal(scale=3e-4, size=can.vertices.shape)

@@ -118,6 +118,7 @@ def test_an_object_that_is_pushed_along_is_no_collision_though_it_bounces() -> N
     assert TrialRunner(target, FrankaHand(), strict).run(IDENTITY, grasp).reason == "collided"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gripper", GRIPPERS)
 def test_labels_by_any_limits_follow_from_one_trial_by_limits_that_are_not_reached(
     gripper: str,
@@ -170,6 +171,7 @@ def test_forces_of_fingers_that_an_object_spreads_apart_cancel_and_weights_do_no
     np.testing.assert_allclose(np.median(net, axis=0), [0, 0, -0.5 * 9.81], atol=0.05)
 
 
+@pytest.mark.slow
 def test_trials_without_limits_are_those_recorded() -> None:
     """Trials recorded with this version of the physics and of early stopping, to the last bit."""
     recorded = json.loads(RECORDED.read_text())

@@ -37,7 +37,7 @@ def test_an_estimate_out_of_reach_is_missed_without_simulating_and_rightly_so(gr
 def test_stopping_early_gives_the_label_of_the_full_lift(gripper: str) -> None:
     seen: dict[str, int] = dict.fromkeys(REASONS, 0)
     saved = 0
-    for runner, error, grasp in sample(gripper, 120):
+    for runner, error, grasp in sample(gripper, 72):
         full = runner.run(error, grasp, early_stop=False)
         quick = runner.run(error, grasp)
         assert (quick.success, quick.reason) == (full.success, full.reason), error
@@ -45,7 +45,7 @@ def test_stopping_early_gives_the_label_of_the_full_lift(gripper: str) -> None:
             assert quick.offset_m == pytest.approx(full.offset_m, abs=5e-3)
         seen[full.reason] += 1
         saved += full.steps - quick.steps
-    assert min(seen["held"], seen["dropped"], seen["missed"], seen["collided"]) >= 5, seen
+    assert min(seen["held"], seen["dropped"], seen["missed"], seen["collided"]) >= 3, seen
     assert saved > 0
 
 

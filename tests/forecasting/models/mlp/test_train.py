@@ -69,7 +69,7 @@ def test_adam_on_a_cosine_is_that_of_the_paper_by_kingma_and_ba() -> None:
 
 
 def test_training_equals_torch() -> None:
-    torch = pytest.importorskip("torch")
+    torch = pytest.importorskip("torch", reason="needs PyTorch: pip install 'graspcast[train]'")
     x, y = samples(5, 16)
     options = MlpSettings(epochs=60)
     start = Mlp.random(12, options.hidden, seed=5)
