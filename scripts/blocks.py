@@ -3,16 +3,16 @@
 python scripts/blocks.py              # names, options and reasons
 python scripts/blocks.py --run        # and run what can be run, on a run of the demonstration
 
-Every block of ```sh or ```python is run, here or by a step of .ci/run, or a comment before or after it
-says why not::
+Every block of ```sh or ```python is run, here or by a step of .ci/run, or a comment before or after
+it says why not::
 
     <!-- not run: needs the published data -->
 
-Blocks that are not run are checked too: Python has to compile, and what it imports of graspcast has to
-be there; a ``graspcast VERB`` has to exist, with every option that is given.
+Blocks that are not run are checked too: Python has to compile, and what it imports of graspcast has
+to be there; a ``graspcast VERB`` has to exist, with every option that is given.
 
-With ``--run``, blocks marked ``<!-- run -->`` are run in order, those of a page in one directory, which
-also holds ``graspcast-demo``: the directory that GRASPCAST_DEMO names, or a demonstration run now.
+With ``--run``, blocks marked ``<!-- run -->`` are run in order, those of a page in one directory that
+also holds ``graspcast-demo``: what GRASPCAST_DEMO names, or else a demonstration run now.
 """
 
 from __future__ import annotations
