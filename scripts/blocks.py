@@ -11,8 +11,8 @@ it says why not::
 Blocks that are not run are checked too: Python has to compile, and what it imports of graspcast has
 to be there; a ``graspcast VERB`` has to exist, with every option that is given.
 
-With ``--run``, blocks marked ``<!-- run -->`` are run in order, those of a page in one directory that
-also holds ``graspcast-demo``: what GRASPCAST_DEMO names, or else a demonstration run now.
+With ``--run``, blocks marked ``<!-- run -->`` are run in order, those of a page in one directory
+that also holds ``graspcast-demo``: what GRASPCAST_DEMO names, or else a demonstration run now.
 """
 
 from __future__ import annotations
