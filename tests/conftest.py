@@ -10,9 +10,12 @@ from pathlib import Path
 import jaxtyping
 import pytest
 from hypothesis import settings
+from hypothesis.configuration import set_hypothesis_home_dir
 
 from graspcast.paper.dataset import Published
 
+# Beside what pytest keeps, not in the current folder.
+set_hypothesis_home_dir(Path(__file__).parents[1] / ".pytest_cache" / "hypothesis")
 # Imports and shared machines take their time; no test is about how long it takes.
 settings.register_profile("graspcast", deadline=None)
 settings.load_profile("graspcast")

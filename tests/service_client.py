@@ -82,7 +82,8 @@ class Process:
 
     def log(self) -> list[dict[str, Any]]:
         """Return the lines of its log."""
-        return [json.loads(line) for line in self._log.read_text().splitlines()]
+        whole = self._log.read_text().rpartition("\n")[0]  # the last one may be half written
+        return [json.loads(line) for line in whole.splitlines()]
 
 
 def read_all(connection: socket.socket) -> bytes:

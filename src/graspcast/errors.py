@@ -7,7 +7,9 @@
     │   ├── FormatError       a file does not follow its format
     │   ├── UnknownNameError  a name is not known; the message lists the known names
     │   ├── MismatchError     two inputs are valid, but do not belong together
-    │   └── UnknownEpisodeError  an episode is not known (any more); the message says why
+    │   ├── UnknownEpisodeError  an episode is not known (any more); the message says why
+    │   └── TransformMissingError  no transform between two frames is known at a time
+    │       └── TransformNotYetError  it may still come: nothing as late has arrived
     ├── InstallationError     MuJoCo is not installed, or broken; the message says how to mend it
     ├── ExtraMissingError     an optional dependency is not installed; the message has the pip line
     ├── EstimatorFailedError  an external estimator's command failed; with the end of its stderr
@@ -40,6 +42,8 @@ __all__ = [
     "InstallationError",
     "MismatchError",
     "TrainingDataWarning",
+    "TransformMissingError",
+    "TransformNotYetError",
     "UnknownEpisodeError",
     "UnknownNameError",
     "WorkerLostError",
@@ -176,6 +180,14 @@ class CampaignStoppedError(GraspcastError):
 
 class WorkerLostError(GraspcastError):
     """A worker process that computed trials has died."""
+
+
+class TransformMissingError(InputError):
+    """There is no transform between two frames at a time; the message says why."""
+
+
+class TransformNotYetError(TransformMissingError):
+    """The transform is not known yet: frames are not connected so far, or only until earlier."""
 
 
 class InstallationError(GraspcastError):

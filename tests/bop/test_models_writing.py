@@ -48,6 +48,7 @@ def test_diameter_of_a_ball_with_many_corners() -> None:
     assert diameter(ball) == pytest.approx(0.1, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_extreme_points_of_a_large_round_scan_span_its_hull() -> None:
     rng = np.random.default_rng(1)
     points = rng.normal(size=(150_000, 3))

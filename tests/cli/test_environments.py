@@ -61,7 +61,10 @@ def test_output_onto_a_full_disk(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr and "Exception" not in done.stderr
 
 
-@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize(
+    "closed",
+    ["<&- >&- 2>&-", *(pytest.param(s, marks=pytest.mark.slow) for s in ("<&-", ">&-", "2>&-"))],
+)
 def test_closed_streams(tmp_path: Path, closed: str) -> None:
     done = shell(f"$PYTHON {VERB} {closed}", tmp_path)
     assert done.returncode == 0

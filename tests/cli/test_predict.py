@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,21 @@ from graspcast.bop.results import write_results
 from graspcast.cli import main
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.guarantees.certificate import Certificate
-from network_commands import N, predict, train
+from network_commands import N, predict, train, write_made
 from poses import random_poses, results_of
+
+
+@pytest.fixture(scope="module")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The files of ``world``, and a model of them."""
+    folder = write_made(tmp_path_factory.mktemp("taught"))
+    assert main(train(folder, "--folds", "0")) == 0
+    return folder
+
+
+@pytest.fixture
+def taught(once: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(once, tmp_path, dirs_exist_ok=True))
 
 
 @pytest.mark.slow
@@ -41,13 +55,12 @@ def test_from_estimates_to_verdicts(world: Path, capsys: pytest.CaptureFixture[s
         assert (row["verdict"] == "attempt") is (float(row["probability"]) >= 0.4)
 
 
-def test_verdicts_in_python_are_those_of_the_command(world: Path) -> None:
-    assert main(train(world, "--folds", "0")) == 0
-    assert main(predict(world)) == 0
-    forecaster = graspcast.Forecaster.load(world / "m.npz")
-    tables = {n: graspcast.read_results(world / f"{n}_made-test.csv") for n in "abc"}
-    models = {"made": graspcast.BopDataset(world / "made").models}
-    with (world / "v.csv").open() as stream:
+def test_verdicts_in_python_are_those_of_the_command(taught: Path) -> None:
+    assert main(predict(taught)) == 0
+    forecaster = graspcast.Forecaster.load(taught / "m.npz")
+    tables = {n: graspcast.read_results(taught / f"{n}_made-test.csv") for n in "abc"}
+    models = {"made": graspcast.BopDataset(taught / "made").models}
+    with (taught / "v.csv").open() as stream:
         written = {int(r["im_id"]): float(r["probability"]) for r in csv.DictReader(stream)}
     for i in (0, 17, 59):
         poses = {name: table.cam_T_obj[i] for name, table in tables.items()}
@@ -56,20 +69,19 @@ def test_verdicts_in_python_are_those_of_the_command(world: Path) -> None:
 
 
 def test_where_a_supporter_found_nothing_the_verdict_is_to_abstain(
-    world: Path, capsys: pytest.CaptureFixture[str]
+    taught: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(train(world, "--folds", "0")) == 0
-    path = world / "b_made-test.csv"
+    path = taught / "b_made-test.csv"
     lines = path.read_text().splitlines()
     fields = lines[1].split(",")
     fields[4:6] = ["1 0 0 0 1 0 0 0 1", "0 0 0"]
     path.write_text("\n".join([lines[0], ",".join(fields), *lines[3:]]) + "\n")
     capsys.readouterr()
-    assert main(predict(world)) == 0
+    assert main(predict(taught)) == 0
     err = capsys.readouterr().err
     assert "dropped 1 rows (placeholder)" in err
     assert "dropped instances without an estimate: 2 by b" in err
-    with (world / "v.csv").open() as stream:
+    with (taught / "v.csv").open() as stream:
         rows = {int(r["im_id"]): r for r in csv.DictReader(stream)}
     assert len(rows) == N
     for image in (0, 1):
@@ -79,26 +91,24 @@ def test_where_a_supporter_found_nothing_the_verdict_is_to_abstain(
 
 
 def test_models_of_other_estimators_or_objects(
-    world: Path, capsys: pytest.CaptureFixture[str]
+    taught: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(train(world, "--folds", "0")) == 0
-    said = refused(predict(world, names="ab"), capsys)
+    said = refused(predict(taught, names="ab"), capsys)
     assert "there are no estimates by c for the model with 2 supporters; given: a, b" in said
     for seed, name in enumerate("abc"):
-        path = world / f"{name}_made-test.csv"
+        path = taught / f"{name}_made-test.csv"
         write_results(path, results_of(random_poses(5, seed), obj_id=2))
-    said = refused(predict(world), capsys)
+    said = refused(predict(taught), capsys)
     assert "this model was not trained for made-2; it knows made-1" in said
-    assert not (world / "v.csv").exists()
+    assert not (taught / "v.csv").exists()
 
 
-def test_truncated_models(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(train(world, "--folds", "0")) == 0
-    path = world / "m.npz"
+def test_truncated_models(taught: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = taught / "m.npz"
     path.write_bytes(path.read_bytes()[:-40])
-    assert "m.npz: is not a complete npz file" in refused(predict(world), capsys)
+    assert "m.npz: is not a complete npz file" in refused(predict(taught), capsys)
     path.unlink()
-    assert "No such file" in refused(predict(world), capsys)
+    assert "No such file" in refused(predict(taught), capsys)
 
 
 def test_an_object_known_by_simulated_trials_alone(
@@ -306,17 +316,23 @@ def predicted(trained: Path, tmp_path: Path, model: str, capsys: pytest.CaptureF
     return capsys.readouterr().err
 
 
-@pytest.fixture
-def several(trained: Path, tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def two_grasps(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Outcomes of two grasps, of which the second holds where the first does not; and a model."""
+    folder = tmp_path_factory.mktemp("two_grasps")
     first = pl.read_csv(trained / "outcomes.csv").with_columns(grasp=pl.lit("reference"))
     second = first.with_columns(grasp=pl.lit("top"), success=1 - pl.col("success"))
-    pl.concat([first, second]).write_csv(tmp_path / "several.csv")
-    given = ["--outcomes", str(tmp_path / "several.csv"), "--folds", "2"]
+    pl.concat([first, second]).write_csv(folder / "several.csv")
+    given = ["--outcomes", str(folder / "several.csv"), "--folds", "2"]
     command = forests.train(trained, "unused.npz", *given)
-    command[command.index("--out") + 1] = str(tmp_path / "several.npz")
+    command[command.index("--out") + 1] = str(folder / "several.npz")
     assert main(command) == 0
-    return tmp_path
+    return folder
+
+
+@pytest.fixture
+def several(two_grasps: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(two_grasps, tmp_path, dirs_exist_ok=True))
 
 
 def test_the_best_grasp_is_named_and_all_are_ranked(

@@ -163,6 +163,7 @@ def test_on_a_terminal_there_is_a_bar_and_no_lines() -> None:
     assert "verb:" not in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "line"),
     [

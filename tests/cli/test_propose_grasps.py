@@ -44,6 +44,7 @@ def test_grasps_are_written_with_their_figures_and_drawn(
         assert picture.width > len(names) * 300
 
 
+@pytest.mark.slow
 def test_grasps_of_a_file_are_tried_and_a_wrong_frame_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -163,7 +163,9 @@ def test_a_second_service_on_the_same_log_is_refused(service: Process, folder: P
     assert "Traceback" not in second.stderr
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "number", [pytest.param(signal.SIGTERM, marks=pytest.mark.slow), signal.SIGKILL]
+)
 def test_no_acknowledged_outcome_is_lost(number: int, tmp_path: Path) -> None:
     """Stopped, and killed, while outcomes come in."""
     log = tmp_path / "attempts.log"

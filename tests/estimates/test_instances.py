@@ -5,11 +5,13 @@ from __future__ import annotations
 from random import Random
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import synthetic
-from graspcast.estimates.instances import scene_groups
+from graspcast.errors import InputError
+from graspcast.estimates.instances import object_name, scene_groups, split_object_name
 
 
 @given(st.integers(5, 80), st.integers(1, 5), st.randoms())
@@ -33,3 +35,24 @@ def test_an_image_stays_in_one_block_and_other_datasets_are_not_cut() -> None:
     assert set(scene_groups(synthetic.estimates(40, scenes=4).instances)) == {
         f"d/{s}" for s in range(4)
     }
+
+
+@pytest.mark.parametrize("name", ["lmo-5", "a-b-0", "d-1000000"])
+def test_a_name_is_split_and_put_together(name: str) -> None:
+    assert object_name(*split_object_name(name)) == name
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("mustard", "DATASET-NUMBER"),
+        ("lmo-", "DATASET-NUMBER"),
+        ("-5", "DATASET-NUMBER"),
+        ("lmo-" + "9" * 5000, "DATASET-NUMBER.*…"),
+        ("lmo-05", "an object's name is lmo-5, not 'lmo-05'"),
+        ("lmo-\u0665", "an object's name is lmo-5, not"),
+    ],
+)
+def test_no_object_has_two_names(name: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        split_object_name(name)

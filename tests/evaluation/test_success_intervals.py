@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from graspcast.evaluation.bootstrap import original_and_draws
-from graspcast.evaluation.success_intervals import success_interval
+from graspcast.evaluation.bootstrap import Interval, original_and_draws
+from graspcast.evaluation.success_intervals import drawn_interval, success_interval
 from worlds import World
 
 
@@ -74,3 +74,23 @@ def test_many_scenes_are_drawn_and_a_single_one_is_not() -> None:
 
 def test_without_attempts_there_is_none() -> None:
     assert success_interval(np.zeros(4, bool), np.ones(4, bool), np.arange(4), counts(4)) is None
+
+
+@pytest.mark.parametrize("rate", [0.0, 1.0])
+def test_draws_that_are_all_alike_make_no_interval(rate: float) -> None:
+    scene = np.array([0, 4, 7])
+    tried, success = np.ones(3, bool), np.full(3, rate)
+    found = drawn_interval(tried, success, scene, counts(10))
+    assert found == success_interval(tried, success, scene, counts(10))
+    exact = binomtest(int(3 * rate), 3).proportion_ci(0.95, "exact")
+    assert found is not None
+    assert (found.low, found.high) == pytest.approx((exact.low, exact.high))
+
+
+def test_other_rates_have_the_interval_of_the_draws() -> None:
+    scene, success = np.repeat(np.arange(4), 5), np.tile([1.0, 1.0, 0.0, 1.0, 0.0], 4)
+    success[:5] = 1.0
+    found = drawn_interval(np.ones(20, bool), success, scene, counts(4))
+    rates = counts(4) @ np.bincount(scene, weights=success) / 20
+    assert found == Interval.of(rates[0], rates[1:], (0.0, 1.0))
+    assert drawn_interval(np.zeros(20, bool), success, scene, counts(4)) is None

@@ -84,6 +84,7 @@ def test_placeholders_whatever_the_rotation() -> None:
     poses = random_poses(5, 1)
     poses[[1, 3], :3, 3] = 0
     assert is_placeholder(poses).tolist() == [False, True, False, True, False]
+    assert not is_placeholder(poses[[0, 2, 4]].swapaxes(1, 2)).any()
 
 
 def test_nearly_all_published_estimates_are_sane(data_dir: Path) -> None:

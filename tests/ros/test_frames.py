@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 import ros_messages as ros
-from graspcast.errors import InputError
+from graspcast.errors import InputError, TransformNotYetError
 from graspcast.pose.transforms import rotation_from_vector
 from graspcast.ros.frames import frame_of
 from graspcast.ros.settings import Settings
-from graspcast.ros.transform_buffer import TransformBuffer, TransformNotYetError
+from graspcast.ros.transform_buffer import TransformBuffer
 
 KNOWN = frozenset({"ycbv-5", "ycbv-6"})
 STAMP = 10 * ros.NS

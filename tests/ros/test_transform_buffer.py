@@ -2,12 +2,9 @@ import numpy as np
 import pytest
 
 import ros_messages as ros
+from graspcast.errors import TransformMissingError, TransformNotYetError
 from graspcast.pose.transforms import compose, invert, rotation_from_vector
-from graspcast.ros.transform_buffer import (
-    TransformBuffer,
-    TransformMissingError,
-    TransformNotYetError,
-)
+from graspcast.ros.transform_buffer import TransformBuffer
 
 TURNED = np.eye(4)
 TURNED[:3, :3] = rotation_from_vector(np.array([0.0, 0.0, 1.0]))

@@ -213,6 +213,12 @@ def test_a_whole_unknown_object_beside_an_incomplete_known_one(watcher: Watcher)
     assert said["d-1"].startswith("no estimate by b, c")
 
 
+def test_an_object_of_placeholders_alone_is_in_the_notes(watcher: Watcher) -> None:
+    answer = watcher.judge(Frame({name: [Estimate("d-1", np.eye(4))] for name in NAMES}))
+    assert not answer.decisions
+    assert sum("placeholders" in note and "d-1" in note for note in answer.notes) == len(NAMES)
+
+
 def test_numbers_near_the_largest_are_no_pose_and_no_warning(watcher: Watcher) -> None:
     large = np.eye(4)
     large[0, 1] = large[2, 3] = 1e300

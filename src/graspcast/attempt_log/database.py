@@ -161,9 +161,12 @@ def _check(connection: sqlite3.Connection, path: Path) -> None:
     wrong = sorted(name for name, sql in TABLES.items() if made.get(name) != sql)
     triggers = connection.execute("SELECT count(*) FROM sqlite_master WHERE type = 'trigger'")
     if wrong or triggers.fetchone()[0] != 2 * len(TABLES):
-        what = f"the table {wrong[0]}" if wrong else "the triggers that refuse changes"
+        what = f"the table {wrong[0]} is" if wrong else "the triggers that refuse changes are"
         raise FormatError(
-            path, f"was changed by another program: {what} is not as graspcast makes it"
+            path,
+            f"was changed by another program: {what} not as graspcast makes it; keep it aside, and "
+            "go on with a copy made before or a new log",
+            parameters=("log",),
         )
 
 

@@ -78,7 +78,8 @@ def insert_outcome(connection: sqlite3.Connection, record: OutcomeRecord) -> boo
     ).fetchone()
     if decision is None:
         raise InputError(
-            f"the log has no decision {record.decision_id!r:.100}", parameters=("decision_id",)
+            f"the log has no decision {record.decision_id!r:.100}; an id is given whole",
+            parameters=("decision_id",),
         )
     number, guide = decision
     if guide is None:

@@ -76,7 +76,7 @@ def print_looks(files: DemoFiles, principal: str) -> None:
 
     found = score_looks([_stage(files, looks) for looks in range(1, LOOKS + 1)])
     title = (
-        f"{found.n} grasps in {found.scenes} scenes, 95 % intervals by drawing scenes; one look: "
+        f"{found.n} grasps in {found.scenes} scenes, 95 % intervals over scenes; one look: "
         f"guided by {principal}, several: by the fused pose"
     )
     print_text("\n# What following the verdicts and looking again is worth")

@@ -25,7 +25,7 @@ def add(verbs: Verbs) -> None:
         _score,
         "how often grasps succeed if the verdicts are followed",
         "Score verdicts by outcomes: the success rate when always attempting, the one when\n"
-        "following the verdicts, and how many are attempted then; with 95 % intervals by drawing\n"
+        "following the verdicts, and how many are attempted then; with 95 % intervals over\n"
         "scenes. The outcomes should be of scenes that training has not seen. Verdicts and\n"
         "outcomes are joined by dataset, image, object, est_id, principal, gripper and grasp.\n\n"
         "With --stages: what looking again is worth, beside one look and always all looks.\n\n"
@@ -93,7 +93,7 @@ def _score_stages(options: argparse.Namespace) -> None:
     if found.untried:
         note(f"left out {counted(found.untried, 'instance')} without an outcome after some look")
     title = f"{counted(found.n, 'grasp')} in {counted(found.scenes, 'scene')}"
-    title += ", 95 % intervals by drawing scenes"
+    title += ", 95 % intervals over scenes"
     print_policies(found, title, attempts=True)
     most = threshold_in_use([row for each in looks for row in each.rows])
     table = threshold_table(
@@ -128,7 +128,7 @@ def _score_verdicts(options: argparse.Namespace) -> None:
     if found.gain is not None:
         rows.append(("difference", f"{found.gain:+}", "", ""))
     title = f"{counted(found.n, 'grasp')} in {counted(found.scenes, 'scene')}"
-    title += ", 95 % intervals by drawing scenes"
+    title += ", 95 % intervals over scenes"
     print_table(title, ["", "success rate", "attempt rate", "attempts"], rows)
     table = threshold_table(
         trials_of_verdicts(verdicts, outcomes),

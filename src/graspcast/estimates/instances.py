@@ -47,6 +47,8 @@ KEY_SCHEMA: dict[str, Any] = {
 KEY_COLUMNS = tuple(KEY_SCHEMA)
 """Their names."""
 
+_MOST_DIGITS = 19
+
 
 def object_name(dataset: str, obj_id: int) -> str:
     """Return an object's name, ``dataset-obj_id``, for example ``lmo-5``."""
@@ -59,12 +61,17 @@ def split_object_name(name: str) -> tuple[str, int]:
     Raises
     ------
     InputError
-        If the name is not ``dataset-obj_id``.
+        If the name is not ``dataset-obj_id``, or its number is written otherwise than names are,
+        as in ``lmo-05``, so that no object has two names.
     """
     dataset, _, number = name.rpartition("-")
-    if not dataset or not number.isdecimal():
-        raise InputError(f"an object's name is DATASET-NUMBER, for example lmo-5, not {name!r}")
-    return dataset, int(number)
+    if not dataset or not number.isdecimal() or len(number) > _MOST_DIGITS:
+        shown = repr(name) if len(repr(name)) < 80 else f"{repr(name)[:77]}…"
+        raise InputError(f"an object's name is DATASET-NUMBER, for example lmo-5, not {shown}")
+    obj_id = int(number)
+    if str(obj_id) != number:
+        raise InputError(f"an object's name is {dataset}-{obj_id}, not {name!r}")
+    return dataset, obj_id
 
 
 class InstanceKey(NamedTuple):

@@ -15,6 +15,7 @@ from graspcast.errors import InputError, MismatchError
 from graspcast.estimates.instances import Instances, unit_names
 from graspcast.estimates.outcomes import checked_outcomes, join_outcomes
 from graspcast.evaluation.bootstrap import Interval, original_and_draws
+from graspcast.evaluation.success_intervals import drawn_interval
 from graspcast.evaluation.verdict_scores import verdict_table
 from graspcast.forecasting.looking import ended_stages
 from graspcast.forecasting.verdict import InstanceLooks, VerdictRow
@@ -159,7 +160,8 @@ def score_looks(stages: Sequence[Stage], *, draws: int = 2000, seed: int = 0) ->
     """Score one look, looking again while the verdicts say so, and always all looks.
 
     Looking again goes on until a verdict attempts or abstains; where the recorded views end, the
-    last verdict counts, and "look again" is no attempt. Intervals are by drawing scenes.
+    last verdict counts, and "look again" is no attempt. Intervals are by drawing scenes; that of a
+    success rate of 0 or 1 is exact (:mod:`graspcast.evaluation.success_intervals`).
 
     Parameters
     ----------
@@ -238,16 +240,14 @@ def _scored(
     counts: Int[ndarray, "draws1 scenes"],
     numbers: Int[ndarray, " n"],
 ) -> PolicyScore:
-    n, tried, held = (
+    n, tried = (
         counts @ np.bincount(numbers, weights=weights, minlength=counts.shape[1])
-        for weights in (np.ones_like(success), attempt.astype(float), attempt * success)
+        for weights in (np.ones_like(success), attempt.astype(float))
     )
-    with np.errstate(invalid="ignore"):
-        rate = held / tried
     share, limits = tried / n, (0.0, 1.0)
     return PolicyScore(
         name=name,
-        success=Interval.of(rate[0], rate[1:], limits) if tried[0] else None,
+        success=drawn_interval(attempt, success, numbers, counts),
         attempt_rate=Interval.of(share[0], share[1:], limits),
         attempts=int(tried[0]),
         looks=float(views.mean()),

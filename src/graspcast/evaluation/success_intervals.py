@@ -31,7 +31,7 @@ from scipy.special import betaincinv, stdtrit
 
 from graspcast.evaluation.bootstrap import Interval
 
-__all__ = ["FEW_SCENES", "success_interval"]
+__all__ = ["FEW_SCENES", "drawn_interval", "success_interval"]
 
 FEW_SCENES = 100
 """With attempts in fewer scenes the bootstrap is not used."""
@@ -75,6 +75,32 @@ def success_interval(
     size = _same_variance if mixed >= _LEAST_EACH else _one_each
     tried, held = tried[some], held[some]
     return _binomial(float(held.sum() / tried.sum()), size(tried, held, confidence), confidence)
+
+
+def drawn_interval(
+    attempted: Bool[ndarray, " n"],
+    success: Float[ndarray, " n"] | Bool[ndarray, " n"],
+    scene: Int[ndarray, " n"],
+    counts: Int[ndarray, "draws1 scenes"],
+) -> Interval | None:
+    """Return the success rate of attempts with the 95 % interval by drawing scenes.
+
+    Where all attempts succeed, or none, every draw has the same rate, however few attempts there
+    are. There it is :func:`success_interval`.
+
+    Parameters
+    ----------
+    attempted, success, scene, counts
+        As for :func:`success_interval`.
+    """
+    width = counts.shape[1]
+    tried = counts @ np.bincount(scene[attempted], minlength=width)
+    held = counts @ np.bincount(scene, weights=attempted * success, minlength=width)
+    if held[0] in (0, tried[0]):
+        return success_interval(attempted, success, scene, counts)
+    with np.errstate(invalid="ignore"):
+        rate = held / tried
+    return Interval.of(rate[0], rate[1:], (0.0, 1.0))
 
 
 def _one_each(tried: Float[ndarray, " k"], held: Float[ndarray, " k"], confidence: float) -> float:

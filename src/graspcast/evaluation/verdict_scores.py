@@ -13,6 +13,7 @@ from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.instances import Instances, unit_names
 from graspcast.estimates.outcomes import TRIAL_COLUMNS, checked_outcomes, join_outcomes
 from graspcast.evaluation.bootstrap import Interval, original_and_draws
+from graspcast.evaluation.success_intervals import drawn_interval
 from graspcast.forecasting.verdict import VerdictRow
 from graspcast.io.arguments import a, checked, sequence
 
@@ -100,7 +101,8 @@ def score_verdicts(
 
     Verdicts and outcomes are joined by the whole key of a trial, so the order of rows does not
     matter. Intervals are by a bootstrap over scenes (:mod:`graspcast.evaluation.bootstrap`), since
-    grasps of one scene are not independent.
+    grasps of one scene are not independent. That of a success rate of 0 or 1, at which all draws
+    are alike, is exact (:mod:`graspcast.evaluation.success_intervals`).
 
     Parameters
     ----------
@@ -165,14 +167,16 @@ def attempt_scores(
     with np.errstate(invalid="ignore"):
         following = held_tried / tried
         gain = following - always
-    any_tried = tried[0] > 0
+    everything = np.ones(len(both), dtype=np.bool_)
+    whole = drawn_interval(everything, success, numbers, counts)
+    assert whole is not None
     return VerdictScores(
         n=len(both),
         attempts=int(tried[0]),
         scenes=len(scene),
         untried=untried,
-        always=Interval.of(always[0], always[1:], (0.0, 1.0)),
-        following=Interval.of(following[0], following[1:], (0.0, 1.0)) if any_tried else None,
+        always=whole,
+        following=drawn_interval(attempt > 0, success, numbers, counts),
         attempt_rate=Interval.of(rate[0], rate[1:], (0.0, 1.0)),
-        gain=Interval.of(gain[0], gain[1:]) if any_tried else None,
+        gain=Interval.of(gain[0], gain[1:]) if tried[0] > 0 else None,
     )

@@ -5,14 +5,17 @@ from __future__ import annotations
 import fnmatch
 import gzip
 import hashlib
+import lzma
+import struct
 import tarfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from io import BufferedIOBase
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import Any, cast
 
 from graspcast.errors import FormatError
 from graspcast.fetching.disk import check_space, in_words, writing
@@ -25,8 +28,8 @@ __all__ = ["Unpacked", "unpack"]
 
 _CHUNK = 1 << 18
 _BROKEN = (
-    EOFError, NotImplementedError, OverflowError, OversizeError, RuntimeError, UnicodeError,
-    ValueError, tarfile.TarError, zipfile.BadZipFile, zlib.error, gzip.BadGzipFile,
+    EOFError, NotImplementedError, OSError, OverflowError, RuntimeError, UnicodeError, ValueError,
+    lzma.LZMAError, struct.error, tarfile.TarError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 
 
@@ -51,7 +54,7 @@ class _Member:
     name: str
     folder: bool
     size: int
-    open: Callable[[], IO[bytes]]
+    open: Callable[[], BufferedIOBase]
 
 
 def unpack(
@@ -186,9 +189,11 @@ def _members(archive: Path, into: Path, limits: Limits) -> Iterator[Iterator[_Me
             yield (_zip_member(archive, opened, info) for info in infos)
     else:
         with gzip.open(archive) as unpacked:
-            stream = BoundedStream(cast(IO[bytes], unpacked), limits.unpacked_bytes)
+            stream = BoundedStream(unpacked, limits.unpacked_bytes)
             with tarfile.open(fileobj=cast(Any, stream), mode="r:", errorlevel=2) as tar:
                 yield (_tar_member(archive, tar, info) for info in tar)
+            while stream.read(_CHUNK):
+                pass  # the checksum is at the end
 
 
 def _zip_member(archive: Path, opened: zipfile.ZipFile, info: zipfile.ZipInfo) -> _Member:
@@ -199,7 +204,9 @@ def _zip_member(archive: Path, opened: zipfile.ZipFile, info: zipfile.ZipInfo) -
     if info.flag_bits & 0x1:
         raise _unsafe(archive, info.filename, "is encrypted")
     name = info.orig_filename
-    return _Member(name, info.is_dir(), info.file_size, lambda: opened.open(info))
+    return _Member(
+        name, info.is_dir(), info.file_size, lambda: cast(BufferedIOBase, opened.open(info))
+    )
 
 
 def _tar_member(archive: Path, tar: tarfile.TarFile, info: tarfile.TarInfo) -> _Member:
@@ -208,10 +215,10 @@ def _tar_member(archive: Path, tar: tarfile.TarFile, info: tarfile.TarInfo) -> _
     if info.sparse is not None or info.size < 0:
         raise _unsafe(archive, info.name, "is a sparse file")
 
-    def opened() -> IO[bytes]:
+    def opened() -> BufferedIOBase:
         stream = tar.extractfile(info)
         if stream is None:
             raise EOFError(f"{info.name!r} cannot be read")
-        return stream
+        return cast(BufferedIOBase, stream)
 
     return _Member(info.name, info.isdir(), info.size if info.isreg() else 0, opened)

@@ -144,7 +144,7 @@ def _attempt(
         if length is not None:
             check_space(part.target, length - start, limits.spare_bytes, size=length, most=most)
         packed = answer.encoding and not part.target.name.endswith(".gz")
-        body = answer.response.iter_bytes() if packed else answer.response.iter_raw(_CHUNK)
+        body = answer.response.iter_bytes() if packed else answer.response.iter_raw()
         _write(_lively(body, limits), part, most, length, arrived)
         if length is not None and part.size != length:
             if part.size > length:

@@ -152,19 +152,26 @@ class _Job:
 
     def run(self, *, offline: bool, again: bool) -> FetchedArchive:
         archive, store = self.archive, self.store
-        if offline and not store.root.is_dir():
-            raise self._offline("is not there")
+        problem = "is to be fetched again" if again else self._problem()
+        if problem is None and not store.has_download(archive):
+            return self._outcome(new=False, remarks=())  # needs no lock, nor that it can be written
+        if problem is not None and offline:
+            raise InputError(
+                f"{archive.name}: {problem} (cache: {store.root}), and nothing is downloaded "
+                f"offline or where {OFFLINE} is set; fetch it once with a network, or copy this "
+                "directory from where it was fetched",
+                parameters=("offline",),
+            )
         with exclusive_lock(
             store.lock(archive),
             f"{store.folder(archive)}: another process has been fetching it for "
             f"{self.limits.lock_s:.0f} s; end it, or wait for it",
             wait_s=self.limits.lock_s,
         ):
-            problem = "is to be fetched again" if again else self._problem()
+            problem = problem if again else self._problem()
             if problem is None:
+                store.sweep(archive)
                 return self._outcome(new=False, remarks=())
-            if offline:
-                raise self._offline(problem)
             earlier = store.receipt(archive)
             remarks = [] if again or earlier is None else [f"{problem}: it was fetched again"]
             remarks += self._fetch(earlier, again)
@@ -172,24 +179,14 @@ class _Job:
 
     def _problem(self) -> str | None:
         text = f"{self.archive.name}: verifying"
-        problem = self.store.problem(self.archive, lambda share: self.report(share, text))
-        if problem is None:
-            self.store.sweep(self.archive)
-        return problem
-
-    def _offline(self, problem: str) -> InputError:
-        return InputError(
-            f"{self.archive.name}: {problem} in {self.store.root}, and nothing is downloaded "
-            f"offline (as {OFFLINE} also says); fetch it once with a network, or copy this "
-            "directory from where it was fetched",
-            parameters=("offline",),
-        )
+        return self.store.problem(self.archive, lambda share: self.report(share, text))
 
     def _outcome(self, *, new: bool, remarks: tuple[str, ...]) -> FetchedArchive:
         receipt = self.store.receipt(self.archive)
         if receipt is None:
             raise DownloadError(f"{self.archive.name}: its receipt was removed meanwhile")
         size = sum(size for size, _ in receipt.files.values())
+        self.report(1.0, f"{self.archive.name}: there")
         return FetchedArchive(
             self.archive.name,
             receipt.url,

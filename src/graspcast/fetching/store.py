@@ -18,6 +18,7 @@ from graspcast.io.cache import cache_directory
 __all__ = ["Receipt", "Store"]
 
 _FORMAT = 1
+_DOWNLOAD = ("", ".part", ".json")
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ class Store:
         receipt = self.receipt(archive)
         if receipt is None:
             there = self._receipt(archive).exists()
-            return f"its receipt {self._receipt(archive)} is damaged" if there else "is not there"
+            return f"its receipt {self._receipt(archive)} is damaged" if there else "is not cached"
         if not receipt.files:
             return "holds no file"
         for number, (name, (size, sha256)) in enumerate(receipt.files.items(), start=1):
@@ -133,9 +134,14 @@ class Store:
                 entry.rename(target)
             write_artefact(self._receipt(archive), {"format": _FORMAT, **asdict(receipt)}, indent=0)
 
+    def has_download(self, archive: Archive) -> bool:
+        """Whether something is left of an archive's download."""
+        target = self.download(archive)
+        return any(target.with_name(target.name + end).exists() for end in _DOWNLOAD)
+
     def sweep(self, archive: Archive) -> None:
         """Remove what is left of an archive's download."""
         target = self.download(archive)
-        for end in ("", ".part", ".json"):
+        for end in _DOWNLOAD:
             with suppress(FileNotFoundError):
                 target.with_name(target.name + end).unlink()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import IO
+from io import BufferedIOBase
 
 __all__ = ["BoundedStream", "OversizeError"]
 
@@ -26,7 +26,7 @@ class BoundedStream:
         How many bytes may be read or skipped.
     """
 
-    def __init__(self, stream: IO[bytes], most: int):
+    def __init__(self, stream: BufferedIOBase, most: int):
         self._stream, self._most = stream, most
 
     def read(self, size: int = -1) -> bytes:

@@ -16,6 +16,7 @@ from graspcast.guarantees.unit_draws import Weight
 from graspcast.io.arguments import PATH, checked
 from graspcast.io.artefacts import read_artefact, write_artefact
 from graspcast.io.json import require
+from graspcast.io.wording import counted
 
 __all__ = ["MAX_UNITS", "OVERALL", "Certificate", "Guarantee"]
 
@@ -129,7 +130,7 @@ class Guarantee:
             )
         text = (
             f"{self.scope}: no threshold can be certified for a rate of {self.rate:g} with "
-            f"confidence {self.confidence:g} from {self.units} units"
+            f"confidence {self.confidence:g} from {counted(self.units, 'unit')}"
         )
         if self.needed_units is None:
             text += (

@@ -50,7 +50,8 @@ class LookPolicy:
         if self.max_looks > 1:
             looks = f"up to {self.max_looks} looks"
         else:
-            looks = f"up to {self.max_views} views" if self.views else "one view"
+            several = self.views and self.max_views > 1
+            looks = f"up to {self.max_views} views" if several else "one view"
         return f"guide {self.guide}, {looks}"
 
     def differences(self, other: LookPolicy) -> dict[str, str]:

@@ -82,8 +82,10 @@ def is_placeholder(cam_T_obj: Float[ndarray, "*n 4 4"]) -> Bool[ndarray, "*n"]:
     """Return which poses have the object's origin at the camera's centre.
 
     Estimators write the identity, or some rotation with zero translation, where they found nothing.
+    A translation in the last row is that of a transposed matrix, which is none.
     """
-    return np.asarray((np.abs(cam_T_obj[..., :3, 3]) < 1e-9).all(axis=-1))
+    nowhere = np.abs(cam_T_obj[..., :3, 3]) < 1e-9
+    return np.asarray((nowhere & (np.abs(cam_T_obj[..., 3, :3]) < 1e-9)).all(axis=-1))
 
 
 def pose_problems(

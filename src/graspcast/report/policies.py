@@ -125,7 +125,7 @@ def _table(number: int, found: LookScores, of: str | bool) -> Table:
     which = f"{of}: " if of else ""
     return Table(
         key=f"policies-{number + 1}",
-        caption=f"{which}{about}{left_out}. Intervals of 95 %, by drawing scenes.",
+        caption=f"{which}{about}{left_out}. Intervals of 95 %, over scenes.",
         columns=("policy", "success rate", "attempted", "attempts", "mean looks"),
         rows=tuple(_row(name, policy) for name, policy in zip(names, shown, strict=True)),
         numeric=_NUMERIC,

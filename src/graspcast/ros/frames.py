@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from graspcast.errors import InputError
+from graspcast.errors import InputError, TransformMissingError, TransformNotYetError
 from graspcast.pose.sanity import is_placeholder
 from graspcast.pose.transforms import compose
 from graspcast.ros.poses import (
@@ -23,11 +23,7 @@ from graspcast.ros.poses import (
 )
 from graspcast.ros.problems import Problems
 from graspcast.ros.settings import Settings
-from graspcast.ros.transform_buffer import (
-    TransformBuffer,
-    TransformMissingError,
-    TransformNotYetError,
-)
+from graspcast.ros.transform_buffer import TransformBuffer
 from graspcast.runtime.frame import Estimate, Frame
 
 __all__ = ["frame_of"]

@@ -10,13 +10,18 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from graspcast.errors import GraspcastError, UnknownEpisodeError, UnknownNameError
+from graspcast.errors import (
+    GraspcastError,
+    TransformNotYetError,
+    UnknownEpisodeError,
+    UnknownNameError,
+)
 from graspcast.ros.frames import frame_of
 from graspcast.ros.poses import Stamp, seconds, stamp_of
 from graspcast.ros.problems import Problems
 from graspcast.ros.settings import SINGLE, Settings
 from graspcast.ros.synchroniser import Synchronised, Synchroniser
-from graspcast.ros.transform_buffer import TransformBuffer, TransformNotYetError
+from graspcast.ros.transform_buffer import TransformBuffer
 from graspcast.runtime.answer import Answer
 from graspcast.runtime.frame import Frame
 from graspcast.runtime.watcher import Watcher

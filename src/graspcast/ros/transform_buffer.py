@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.errors import InputError
+from graspcast.errors import TransformMissingError, TransformNotYetError
 from graspcast.pose.transforms import compose, invert, rotation_from_vector, rotation_vector
 from graspcast.ros.poses import (
     PoseMessageError,
@@ -22,17 +22,9 @@ from graspcast.ros.poses import (
 )
 from graspcast.ros.problems import Problems
 
-__all__ = ["TransformBuffer", "TransformMissingError", "TransformNotYetError"]
+__all__ = ["TransformBuffer"]
 
 Matrix = Float[ndarray, "4 4"]
-
-
-class TransformMissingError(InputError):
-    """There is no transform between two frames at a time; the message says why."""
-
-
-class TransformNotYetError(TransformMissingError):
-    """The transform is not known yet: frames are not connected so far, or only until earlier."""
 
 
 class _Moving:

@@ -44,7 +44,7 @@ class Estimate:
         Whether it can be one is judged later: a pose that cannot, for example with NaN in it, is
         never attempted, and spoils no other.
     score
-        The estimator's own confidence, any finite number; higher is better. It orders several
+        The estimator's own confidence, from -1e12 to 1e12; higher is better. It orders several
         instances of one object.
 
     Raises

@@ -1,4 +1,4 @@
-"""Objects in a frame of which no estimator has a pose that can be."""
+"""Objects in a frame of which no estimator has a pose that can be, and placeholders."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from graspcast.estimates.checks import no_estimate_by
 from graspcast.pose.sanity import is_placeholder, pose_problems
 from graspcast.runtime.frame import Frame
 
-__all__ = ["nothing_sane"]
+__all__ = ["nothing_sane", "placeholder_notes"]
 
 
 def nothing_sane(
@@ -40,3 +40,21 @@ def nothing_sane(
             (problem,) = pose_problems(pose, diameters_of(np.array([name])))
             out.setdefault(name, {}).setdefault(estimator, problem)
     return {name: no_estimate_by(tuple(said), said) for name, said in sorted(out.items())}
+
+
+def placeholder_notes(frame: Frame) -> list[str]:
+    """Say for each estimator of how many objects it gave a placeholder, or nothing."""
+    out = []
+    for estimator, given in frame.estimates.items():
+        if not given:
+            continue
+        empty = is_placeholder(np.array([estimate.cam_T_obj for estimate in given]))
+        if empty.any():
+            named = [given[i].object_name for i in np.flatnonzero(empty).tolist()]
+            shown = ", ".join(list(dict.fromkeys(named))[:5])
+            out.append(
+                f"{len(named)} of {len(given)} poses by {estimator} lie at the camera's centre, "
+                f"placeholders for 'nothing found', and are left out: {shown}"
+                + (", …" if len(set(named)) > 5 else "")
+            )
+    return out

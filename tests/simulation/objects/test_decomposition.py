@@ -83,6 +83,7 @@ def test_a_single_hull_is_cached_too(cache: Path, monkeypatch: pytest.MonkeyPatc
     assert _same(decompose(*_angle(), one), first)
 
 
+@pytest.mark.slow
 def test_the_hull_of_a_fine_ball_takes_few_vertices_and_little_work(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -101,7 +102,10 @@ def test_the_hull_of_a_fine_ball_takes_few_vertices_and_little_work(
     assert sum(compared) < 30 * len(piece.vertices)
 
 
-@pytest.mark.parametrize("damage", ["cut", "flipped", "empty"])
+CUT = [pytest.param(how, marks=pytest.mark.slow) for how in ("cut", "flipped")]
+
+
+@pytest.mark.parametrize("damage", ["empty", *CUT])
 def test_a_damaged_file_is_built_again(
     cache: Path, damage: str, caplog: pytest.LogCaptureFixture
 ) -> None:
