@@ -45,7 +45,7 @@ def broken_links(site: Path) -> list[str]:
     """Return what is wrong with the links between the pages of a site."""
     pages = {path.resolve(): Page(path.read_text("utf-8")) for path in site.rglob("*.html")}
     out = []
-    for path, page in pages.items():
+    for path, page in sorted(pages.items(), key=lambda item: item[0]):
         if path.name in _GENERATED:
             continue
         for link in sorted(page.links):
