@@ -79,6 +79,15 @@ def test_malformed_bodies_are_the_clients_fault(content: bytes) -> None:
         assert response.json()["detail"]
 
 
+def test_what_the_service_could_not_do_is_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.WARNING, "graspcast.service.edge")
+    request = ("POST", "/frames", {"content": BODY, "headers": JSON})
+    asked(StubWatcher(seconds=0.2), *[request] * 20, limits=Limits(waiting=5, batch=2))
+    told = [r.fields for r in caplog.records]
+    assert told and {f["status"] for f in told} == {503}
+    assert all("wait" in f["detail"] for f in told), told[0]
+
+
 def test_too_much_at_once_is_told_to_wait() -> None:
     watcher = StubWatcher(seconds=0.2)
     request = ("POST", "/frames", {"content": BODY, "headers": JSON})

@@ -91,7 +91,9 @@ class Edge:
         route = path if (method, path) in self._direct else _route(scope)
         method = method if method in _METHODS else "other"
         self._metrics.request(method, route, reply.status, seconds)
-        if _logger.isEnabledFor(logging.INFO):
+        failed = reply.status >= 500 and path not in _OPEN
+        level = logging.WARNING if failed else logging.INFO
+        if _logger.isEnabledFor(level):
             fields = {
                 "method": method,
                 "route": route,
@@ -99,7 +101,7 @@ class Edge:
                 "ms": round(1e3 * seconds, 2),
                 **reply.told,
             }
-            _logger.info("request", extra={"fields": fields})
+            _logger.log(level, "request", extra={"fields": fields})
 
     async def _reply(self, scope: Any, method: str, path: str, receive: Receive) -> Reply:
         headers = dict(scope["headers"])

@@ -33,14 +33,14 @@ class Reply:
     headers
         Further headers.
     told
-        Counts for the line in the log.
+        What the line in the log has further: counts, or why it failed.
     """
 
     status: int
     body: bytes
     media_type: str = JSON
     headers: tuple[tuple[str, str], ...] = ()
-    told: Mapping[str, int] = field(default_factory=dict)
+    told: Mapping[str, int | str] = field(default_factory=dict)
 
     def raw_headers(self) -> list[tuple[bytes, bytes]]:
         """Return all headers as ASGI has them."""
@@ -102,7 +102,9 @@ def problem(
         "detail": _cut(detail),
         "errors": [{"where": _cut(where), "problem": _cut(what)} for where, what in errors],
     }
-    return Reply(status, to_json(content), PROBLEM, headers)
+    # What the service could not do is told in its log too; what the client did is not.
+    told = {"detail": content["detail"]} if status >= 500 else {}
+    return Reply(status, to_json(content), PROBLEM, headers, told)
 
 
 def problem_of(error: GraspcastError, status: int = 422) -> RefusedError:
