@@ -297,7 +297,11 @@ def test_instances_that_are_not_asked_for_make_outcomes_ambiguous_too(tmp_path: 
     [
         (lambda t: t.with_columns(success=7), "row 1: success is 7, not 0 or 1"),
         (lambda t: t.drop("dataset"), "no column 'dataset'"),
-        (lambda t: pl.concat([t, t]), "share their trial"),
+        (lambda t: pl.concat([t, t]), "share their trial.*leave one row of each trial$"),
+        (
+            lambda t: pl.concat(2 * [t.with_columns(estimator=pl.lit("fused"))]),
+            "estimators of their own: fused2, fused3",
+        ),
         (lambda t: t.with_columns(obj_id=1.5), "obj_id is 1.5, not a whole number"),
     ],
 )

@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from graspcast.errors import MismatchError, UnknownNameError
+from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.instances import InstanceKey
 from graspcast.evaluation.verdict_scores import score_verdicts, verdict_table
 from graspcast.forecasting.verdict import Verdict, VerdictRow
@@ -138,3 +138,22 @@ def test_verdicts_of_two_datasets_with_the_same_numbers_are_told_apart() -> None
     )
     assert score_verdicts(mine + other, both).always.value == 0.5
     assert score_verdicts(mine, both).always.value == pytest.approx(success.mean())
+
+
+def test_no_outcomes_at_all() -> None:
+    scene, attempt, success = some(0)
+    none = outcomes(scene, success).head(0)
+    with pytest.raises(InputError, match="there are no outcomes to score by"):
+        score_verdicts(verdicts(scene, attempt), none)
+
+
+def test_few_attempts_that_all_succeed_are_not_certain_to() -> None:
+    scene = np.repeat(np.arange(10), 6)
+    success = np.arange(60) % 3 == 0
+    attempt = np.isin(np.arange(60), [0, 21, 42])
+    found = score_verdicts(verdicts(scene, attempt), outcomes(scene, success))
+    assert found.following is not None and found.gain is not None
+    assert found.following.value == 1.0 and found.following.low < 0.4
+    assert found.gain.value == pytest.approx(2 / 3) and found.gain.low < 0.1
+    everything = score_verdicts(verdicts(scene, success | True), outcomes(scene, success | True))
+    assert everything.gain is not None and everything.gain.ends == [0.0, 0.0]

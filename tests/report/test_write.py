@@ -11,6 +11,7 @@ import pytest
 from graspcast.errors import InputError
 from graspcast.forecasting.verdict import Verdict
 from graspcast.forecasting.verdict_file import write_verdicts
+from graspcast.io.progress import Count
 from graspcast.report.run_files import RunFiles, find_run
 from graspcast.report.write import write_report
 from small_run import outcomes, verdicts
@@ -22,7 +23,10 @@ def test_the_same_files_give_the_same_bytes(tmp_path: Path, run_dir: Path) -> No
     notes = write_report(
         tmp_path / "a.html", [files], written="now", progress=lambda *told: said.append(told)
     )
-    assert notes == () and said[0] == (0.0, "reading small")
+    assert notes == () and said[:2] == [(0.0, "reading small"), (0.0, "scoring")]
+    # What is counted alone has a rate and a time left.
+    drawn = [(share, text) for share, text in said[2:] if isinstance(text, Count)]
+    assert drawn == said[2:] and all(share == count.share for share, count in drawn)
     write_report(tmp_path / "b.html", [files], written="now")
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
     write_report(tmp_path / "c.html", [files], written="then", title="Mine")

@@ -159,14 +159,17 @@ def _check_repeated(frame: pl.DataFrame, source: str | PathLike[str]) -> None:
     keys = frame.select(TRIAL_COLUMNS).with_columns(pl.col("est_id").fill_null(0))
     twice = frame.filter(keys.is_duplicated())
     if len(twice):
-        hint = (
-            "; leave one row of each trial, or, where images show an object several times, add a "
-            "column est_id"
-        )
+        hint = "leave one row of each trial"
+        if twice["est_id"].is_null().any():
+            hint += ", or, where images show an object several times, add a column est_id"
+        if "fused" in twice["estimator"]:
+            hint += (
+                "; poses fused from different numbers of looks are simulated as estimators of "
+                "their own: fused2, fused3"
+            )
         raise FormatError(
             source,
-            f"{len(twice)} rows share their trial with another: {_described(twice)}"
-            + (hint if twice["est_id"].is_null().any() else ""),
+            f"{len(twice)} rows share their trial with another: {_described(twice)}; {hint}",
         )
 
 

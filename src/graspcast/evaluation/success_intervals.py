@@ -18,6 +18,9 @@ Kish (1965). Survey Sampling. Wiley.
 Clopper and Pearson (1934). The use of confidence or fiducial limits illustrated in the case of the
 binomial. Biometrika 26(4).
 
+Zou and Donner (2008). Construction of confidence limits about effect measures: a general approach.
+Statistics in Medicine 27(10).
+
 Korn and Graubard (1998). Confidence intervals for proportions with small expected number of
 positive counts estimated from survey data. Survey Methodology 24(2).
 """
@@ -31,7 +34,7 @@ from scipy.special import betaincinv, stdtrit
 
 from graspcast.evaluation.bootstrap import Interval
 
-__all__ = ["FEW_SCENES", "drawn_interval", "success_interval"]
+__all__ = ["FEW_SCENES", "difference_of", "drawn_interval", "success_interval"]
 
 FEW_SCENES = 100
 """With attempts in fewer scenes the bootstrap is not used."""
@@ -101,6 +104,18 @@ def drawn_interval(
     with np.errstate(invalid="ignore"):
         rate = held / tried
     return Interval.of(rate[0], rate[1:], (0.0, 1.0))
+
+
+def difference_of(one: Interval, other: Interval) -> Interval:
+    """Return a difference of two rates with its interval, from theirs (Zou and Donner 2008).
+
+    It takes them for independent, so it is wide for rates of the same scenes. A single scene has no
+    interval, and nor has a difference from its rate.
+    """
+    value = one.value - other.value
+    below = np.hypot(one.value - one.low, other.high - other.value)
+    above = np.hypot(one.high - one.value, other.value - other.low)
+    return Interval(value, float(max(value - below, -1.0)), float(min(value + above, 1.0)))
 
 
 def _one_each(tried: Float[ndarray, " k"], held: Float[ndarray, " k"], confidence: float) -> float:

@@ -13,7 +13,7 @@ from graspcast.errors import InputError, MismatchError, UnknownNameError
 from graspcast.estimates.instances import Instances, unit_names
 from graspcast.estimates.outcomes import TRIAL_COLUMNS, checked_outcomes, join_outcomes
 from graspcast.evaluation.bootstrap import Interval, original_and_draws
-from graspcast.evaluation.success_intervals import drawn_interval
+from graspcast.evaluation.success_intervals import difference_of, drawn_interval
 from graspcast.forecasting.verdict import VerdictRow
 from graspcast.io.arguments import a, checked, sequence
 
@@ -127,6 +127,8 @@ def score_verdicts(
     if table.select(TRIAL_COLUMNS).is_duplicated().any():
         raise InputError("two verdicts are on the same grasp", parameters=("verdicts",))
     outcomes = checked_outcomes(outcomes)
+    if not len(outcomes):
+        raise InputError("there are no outcomes to score by", parameters=("outcomes",))
     for column in ("estimator", "dataset", "gripper", "grasp"):
         known = outcomes[column].unique().sort().to_list()
         asked = table if column != "grasp" else table.drop_nulls("probability")
@@ -169,14 +171,18 @@ def attempt_scores(
         gain = following - always
     everything = np.ones(len(both), dtype=np.bool_)
     whole = drawn_interval(everything, success, numbers, counts)
+    part = drawn_interval(attempt > 0, success, numbers, counts)
     assert whole is not None
+    better = None if part is None else Interval.of(gain[0], gain[1:])
+    if part is not None and part.value in (0.0, 1.0) and tried[0] < n[0]:
+        better = difference_of(part, whole)
     return VerdictScores(
         n=len(both),
         attempts=int(tried[0]),
         scenes=len(scene),
         untried=untried,
         always=whole,
-        following=drawn_interval(attempt > 0, success, numbers, counts),
+        following=part,
         attempt_rate=Interval.of(rate[0], rate[1:], (0.0, 1.0)),
-        gain=Interval.of(gain[0], gain[1:]) if tried[0] > 0 else None,
+        gain=better,
     )

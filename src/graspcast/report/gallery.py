@@ -9,7 +9,7 @@ from typing import Any
 import polars as pl
 
 from graspcast.estimates.outcomes import ERROR_COLUMNS
-from graspcast.io.progress import Progress
+from graspcast.io.progress import Count, Progress
 from graspcast.io.wording import counted
 from graspcast.report.cases import choose_cases
 from graspcast.report.content import Case, Mode, Section
@@ -46,7 +46,7 @@ def gallery_section(
         cases = []
         for row in mode.rows.iter_rows(named=True):
             if progress is not None:
-                progress(done / total, f"pictures of case {done + 1} of {total}")
+                progress(done / total, Count(done, total, "cases drawn"))
             cases.append(_case(run, painter, row))
             done += 1
         modes.append(Mode(mode.key, mode.title, mode.text, tuple(cases), mode.of))

@@ -113,7 +113,7 @@ def _run(
     from graspcast.report.pictures import Painter
 
     painter = Painter(data.datasets, data.trials, grippers, catalogue)
-    progress(0.05, "scoring")
+    progress(0.0, "scoring")
     sections = [worth_section(data)]
     lead, numbers = _of_trials(data), _numbers_of_trials(data)
     if data.decisions is not None:
@@ -127,7 +127,7 @@ def _run(
             error_section(data.trials, data.datasets),
             *sections,
             tolerance_section(data.tolerances),
-            gallery_section(data, painter, cases, lambda s, text: progress(0.1 + 0.9 * s, text)),
+            gallery_section(data, painter, cases, progress),
             verdicts_section(data.decisions),
         ]
     else:
