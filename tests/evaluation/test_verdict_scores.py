@@ -147,6 +147,14 @@ def test_no_outcomes_at_all() -> None:
         score_verdicts(verdicts(scene, attempt), none)
 
 
+def test_a_principal_without_outcomes_is_counted() -> None:
+    scene, attempt, success = some(0)
+    said = verdicts(scene, attempt)
+    said[7] = dataclasses.replace(said[7], principal="b")
+    with pytest.raises(UnknownNameError, match="1 of 400 verdicts are of 'b': try or simulate"):
+        score_verdicts(said, outcomes(scene, success))
+
+
 def test_few_attempts_that_all_succeed_are_not_certain_to() -> None:
     scene = np.repeat(np.arange(10), 6)
     success = np.arange(60) % 3 == 0

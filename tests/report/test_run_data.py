@@ -25,6 +25,20 @@ def test_all_that_is_there_is_read(tmp_path: Path) -> None:
     assert list(found.tolerances.values()) == [CONTENT]
 
 
+def test_damaged_files_are_said_not_passed_over(tmp_path: Path) -> None:
+    directory = write_run(tmp_path / "run")
+    outcomes(verdicts(1, looks=1)).write_parquet(tmp_path / "whole.parquet")
+    whole = (tmp_path / "whole.parquet").read_bytes()
+    (directory / "cut.parquet").write_bytes(whole[: len(whole) // 2])
+    (directory / "empty.parquet").write_bytes(b"")
+    (directory / "cut.npz").write_bytes(b"PK\x03\x04")
+    found = read_run(find_run(directory))
+    said = " ".join(found.problems)
+    assert found.has_outcomes
+    assert all(f"left out, {directory / name}" in said for name in ("cut.parquet", "cut.npz"))
+    assert "empty.parquet" in said
+
+
 def test_what_is_recognised_and_wrong_is_left_out_and_said(tmp_path: Path) -> None:
     directory = write_run(tmp_path / "run")
     (directory / "certificate.json").write_text('{"guarantees": [], "sha256": "0"}')

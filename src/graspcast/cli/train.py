@@ -276,7 +276,9 @@ def _print_thresholds(
     out: dict[str, Any] = {}
     for name, trials in given.items():
         table = threshold_table(trials, costs_of(options), seed=options.seed)
-        print_thresholds(table, options, _SEEN[name])
+        # Of a single scene, blocks of frames are held out in turn.
+        seen = _SEEN[name] if table.scenes > 1 else _SEEN[name].replace("scene", "block of frames")
+        print_thresholds(table, options, seen)
         out[name] = table.as_dict()
     return out
 

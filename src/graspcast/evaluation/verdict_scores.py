@@ -134,7 +134,9 @@ def score_verdicts(
         asked = table if column != "grasp" else table.drop_nulls("probability")
         for name in asked[column].unique().sort():
             if name not in known:
-                raise UnknownNameError(column, name, known, hint="These have outcomes")
+                of = f"{(asked[column] == name).sum():,} of {len(table):,} verdicts are of {name!r}"
+                hint = f"These have outcomes. {of}: try or simulate these too, or leave them out"
+                raise UnknownNameError(column, name, known, hint=hint)
     both = with_outcomes(verdicts, outcomes)
     if not len(both):
         raise MismatchError("no outcome is about any of the verdicts: are they of the same images?")

@@ -9,6 +9,8 @@ from dataclasses import dataclass, fields, replace
 from os import PathLike
 from pathlib import Path
 
+import polars as pl
+
 from graspcast.diagnosis.discovery import discover, method_of
 from graspcast.errors import FormatError, InputError
 
@@ -166,17 +168,31 @@ def _kind(path: Path) -> str:
         columns = {name.strip() for name in _head(path).partition("\n")[0].split(",")}
         if columns >= {"verdict", "est_id", "probability"}:
             return "stages" if columns >= {"looks", "ended"} else "verdicts"
+    if suffix == ".parquet" and not _is_parquet(path):
+        return "outcomes"
     found, _ = discover([path])
     kinds = {"results": "results", "outcomes": "outcomes"}
     return kinds.get(found[0].kind, "") if found else ""
 
 
 def _is_model(path: Path) -> bool:
+    """Whether a file is a model, or a damaged archive, which is to be said, not passed over."""
     try:
         with zipfile.ZipFile(path) as archive:
             return "card.npy" in archive.namelist()
-    except (OSError, zipfile.BadZipFile):
+    except OSError:
         return False
+    except zipfile.BadZipFile:
+        return True
+
+
+def _is_parquet(path: Path) -> bool:
+    """Whether a file is one of Parquet; a damaged one is to be said, not passed over."""
+    try:
+        pl.read_parquet_schema(path)
+    except (OSError, pl.exceptions.PolarsError):
+        return False
+    return True
 
 
 def _head(path: Path) -> str:
