@@ -35,7 +35,8 @@ class Judge:
     models
         Dataset's name to its object models; those that its file carries if None.
     **options
-        Of :class:`~graspcast.forecasting.episodes.Episodes`.
+        Of :class:`~graspcast.forecasting.episodes.Episodes`. Where one look is all, and the
+        certificate is of one view, each look is judged by its own view.
 
     Raises
     ------
@@ -46,6 +47,7 @@ class Judge:
     def __init__(
         self, forecaster: Forecaster, models: Mapping[str, Models] | None, **options: Any
     ) -> None:
+        options = _of_one_look(options)
         known = forecaster.known
         carried = None if known is None else known.models
         self.forecaster, self.options = forecaster, options
@@ -127,6 +129,13 @@ class Judge:
             except GraspcastError as error:
                 out.append(error)
         return out
+
+
+def _of_one_look(options: dict[str, Any]) -> dict[str, Any]:
+    """Return the options, with one view where that is what was certified and one look is all."""
+    certificate = options.get("certificate")
+    one = certificate is not None and certificate.policy is None and options["max_looks"] == 1
+    return {**options, "max_views": 1} if one else options
 
 
 def _check_objects(forecaster: Forecaster, models: Mapping[str, Models] | None) -> None:
