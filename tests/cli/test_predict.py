@@ -302,7 +302,9 @@ def test_a_model_of_few_outcomes_of_one_scene_warns_when_trained_and_when_used(
 ) -> None:
     scene = ["--scenes", "1", "--outcomes", str(trained / "outcomes.csv"), "--folds", "0"]
     assert main([*forests.train(trained, "few.npz"), *scene]) == 0
-    for said in (capsys.readouterr().err, predicted(trained, tmp_path, "few.npz", capsys)):
+    out, told = capsys.readouterr()
+    assert "in 1 scene, one look, each grasp forecast without its block of frames" in out
+    for said in (told, predicted(trained, tmp_path, "few.npz", capsys)):
         assert "Warning: trained on one scene: nothing is known about" in said
         assert "smallest novelty p-value of 0.0" in said
     for row in forests.verdicts(tmp_path):
