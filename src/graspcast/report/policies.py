@@ -121,7 +121,7 @@ def _table(number: int, found: LookScores, of: str | bool) -> Table:
     shown = found.policies[:2] if one_look else found.policies
     names = ["attempting always", "following the verdicts"] if one_look else [p.name for p in shown]
     about = f"{counted(found.n, 'grasp')} in {counted(found.scenes, 'scene')}"
-    left_out = f"; {found.untried} without an outcome are left out" if found.untried else ""
+    left_out = f"; left out: {found.untried} without an outcome" if found.untried else ""
     which = f"{of}: " if of else ""
     return Table(
         key=f"policies-{number + 1}",
