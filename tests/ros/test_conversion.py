@@ -231,6 +231,29 @@ def test_outputs_that_cannot_be_are_refused_before_the_work(tmp_path, watcher):
     assert {VERDICTS, "/again/verdicts"} <= topics
 
 
+@pytest.mark.parametrize("prefix", ["bad name", "judged", "/7", "/a//b", "/a\nb", "/é"])
+def test_a_prefix_that_is_no_topic_is_refused(tmp_path, watcher, prefix):
+    path = written(tmp_path, "mcap")
+    with pytest.raises(InputError, match="the prefix of topics is as /graspcast"):
+        convert_bag(path, tmp_path / "o.mcap", watcher, TOPICS, settings("mcap"), prefix=prefix)
+    assert not (tmp_path / "o.mcap").exists()
+
+
+def test_poses_in_millimetres_are_counted_and_named(tmp_path, watcher):
+    path = tmp_path / "in"
+    with bags.Bag(path, "mcap") as bag:
+        for k, name in enumerate(NAMES):
+            pose = FOUND[name][0, 0].copy()
+            pose[:3, 3] *= 1000
+            found = ros.detection(next(iter(classes("mcap"))), pose)
+            bag.detect(TOPICS[name], ros.detections(START, found), START + 0.1 + 0.01 * k)
+    given = settings("mcap", world_frame="")
+    done = convert_bag(path, tmp_path / "o.mcap", watcher, TOPICS, given)
+    assert dict(done.actions) == {"abstain": 1}
+    (line,) = [said for said in done.problems.lines() if "without a pose that can be" in said]
+    assert "is it in millimetres" in line
+
+
 def test_classes_of_ros_1_are_numbers(tmp_path, watcher):
     path = written(tmp_path, "bag")
     with pytest.raises(InputError, match="whole numbers, not 'mug'"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -23,6 +24,7 @@ from graspcast.runtime.watcher import Watcher
 __all__ = ["PREFIX", "Converted", "convert_bag"]
 
 PREFIX = "/graspcast"
+_TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _TF, _TF_STATIC = "/tf", "/tf_static"
 _OLD_TRANSFORMS = "tf/msg/tfMessage"
 """Of ROS 1 before tf2."""
@@ -146,6 +148,12 @@ class _Conversion:
         return self._reader.connections_of(topic, (TRANSFORMS, _OLD_TRANSFORMS))
 
     def _check_names(self, prefix: str) -> None:
+        if not all(_TOPIC.fullmatch(name) for name in self._names):
+            raise InputError(
+                "the prefix of topics is as /graspcast, of letters, digits, _ and /, not "
+                f"{prefix!r}",
+                parameters=("prefix",),
+            )
         present = [name for name in self._names if name in self._reader.topics()]
         if present:
             raise InputError(
@@ -231,3 +239,7 @@ class _Conversion:
             self._writer.write_message(topic, time_ns, message)
         if judged.answer is not None:
             self._done.actions.update(decision.action for decision in judged.answer.decisions)
+            for decision in judged.answer.decisions:
+                if decision.instance < 0:
+                    case = f"{decision.object_name}: {decision.reason}"
+                    self._done.problems.add("object without a pose that can be", case)
