@@ -54,6 +54,22 @@ def test_filters(log, tmp_path, options, count) -> None:
     assert json.loads((tmp_path / "n.json").read_text())["decisions"] == count
 
 
+def test_names_that_the_log_does_not_have_are_said(log, capsys) -> None:
+    assert main(["log", log, "--object", "ycbv-05", "--model", "zz"]) == 0
+    said = capsys.readouterr().err
+    assert "no decision of object ycbv-05; the log has: ycbv-5, ycbv-9" in said
+    assert "no decision by a model zz; the log has: mmm" in said
+    assert main(["log", log, "--object", "ycbv-9"]) == 0
+    assert "no decision" not in capsys.readouterr().err
+
+
+def test_an_export_of_no_known_kind_is_refused(log, tmp_path, capsys) -> None:
+    assert refused(["log", log, "--out", str(tmp_path / "x.xlsx")], capsys).count(
+        ".parquet or .csv"
+    )
+    assert not (tmp_path / "x.xlsx").exists()
+
+
 def test_export(log, tmp_path) -> None:
     for name in ("x.parquet", "x.csv"):
         assert main(["log", log, "--out", str(tmp_path / name)]) == 0

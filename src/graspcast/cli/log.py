@@ -86,6 +86,10 @@ def _log(options: argparse.Namespace) -> None:
     for action in options.action:
         if action not in ACTIONS:
             raise UnknownNameError("action", action, ACTIONS, parameters=("action",))
+    if options.out and options.out.suffix not in (".parquet", ".csv"):
+        raise InputError(
+            f"{options.out}: decisions are written to .parquet or .csv", parameters=("out",)
+        )
     if options.add_outcome is not None or options.success or options.reason is not None:
         _add_outcome(options)
     log = AttemptLog.read(options.file)
@@ -104,6 +108,8 @@ def _log(options: argparse.Namespace) -> None:
         with_outcome=known.get((options.with_outcome, options.without_outcome)),
     )
     table = log.table(wanted)
+    if table.is_empty():
+        note(*_unknown(options, log.table()))
     counts = _counts(table)
     write_json(options.json, {"log": str(options.file), **counts})
     if options.copy:
@@ -146,6 +152,22 @@ def _counts(table: pl.DataFrame) -> dict[str, int]:
         "outcomes": int(table["success"].count()),
         "succeeded": int(table["success"].sum() or 0),
     }
+
+
+def _unknown(options: argparse.Namespace, whole: pl.DataFrame) -> list[str]:
+    """Say which names that were asked for are in no decision, and which are."""
+    out = []
+    for what, column in (("object", "object_name"), ("gripper",) * 2, ("grasp",) * 2):
+        has = set(whole[column])
+        some = ", ".join(map(_plain, sorted(has))) or "none"
+        lacking = [name for name in getattr(options, what) if name not in has]
+        out += [f"no decision of {what} {name}; the log has: {some}" for name in lacking]
+    has = {digest for digest in whole["model"] if digest}
+    for name in options.model:
+        if not any(digest.startswith(name) for digest in has):
+            some = ", ".join(digest[:12] for digest in sorted(has)) or "none"
+            out.append(f"no decision by a model {name}; the log has: {some}")
+    return out
 
 
 def _follow(log: AttemptLog, wanted: Wanted, shown: pl.DataFrame) -> None:
