@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from graspcast.cli.console import note, print_text
 from graspcast.cli.cost_options import add_costs, costs_of, print_thresholds
+from graspcast.cli.decision_options import add_models, add_threshold
 from graspcast.cli.options import (
     Verbs,
     add_images,
@@ -21,12 +22,10 @@ from graspcast.cli.options import (
     inputs_with_images,
     new_verb,
     positive,
-    share,
     write_json,
 )
 from graspcast.cli.progress import progress_bar
 from graspcast.cli.view_options import add_policy, motions_of, policy_options
-from graspcast.demo_data import model_path
 from graspcast.errors import InputError, MismatchError
 from graspcast.io.wording import counted
 
@@ -53,29 +52,8 @@ def add(verbs: Verbs) -> None:
     )
     add_inputs(verb)
     add_images(verb)
-    verb.add_argument(
-        "--model",
-        metavar="PATH",
-        type=model_path,
-        action="append",
-        required=True,
-        help="from train, or demo, the demonstration's (a file of that name is ./demo); further "
-        "ones, trained with fewer supporters, serve where a supporter is missing",
-    )
-    verb.add_argument(
-        "--threshold",
-        metavar="P",
-        type=share,
-        help="attempt at this probability or above it (default: 0.5)",
-    )
-    verb.add_argument(
-        "--certificate",
-        metavar="PATH",
-        type=Path,
-        action="append",
-        default=[],
-        help="from certify: its threshold instead; one for each model",
-    )
+    add_models(verb)
+    add_threshold(verb)
     add_ood_alpha(
         verb,
         "abstain where the conformal p-value of a disagreement is this or less, so where it is "

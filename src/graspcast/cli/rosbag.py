@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 
 from graspcast.cli.console import note, print_text
-from graspcast.cli.options import Verbs, new_verb, positive, share
+from graspcast.cli.decision_options import add_models, add_robot_policy, add_threshold, watcher_of
+from graspcast.cli.options import Verbs, new_verb
 from graspcast.cli.progress import progress_bar
-from graspcast.demo_data import model_path
 from graspcast.io.wording import counted
 
 __all__ = ["add"]
@@ -30,14 +30,7 @@ def add(verbs: Verbs) -> None:
     )
     verb.add_argument("bag", metavar="BAG", type=Path, help="the bag to read")
     verb.add_argument("target", metavar="OUT", type=Path, help="the bag to write")
-    verb.add_argument(
-        "--model",
-        metavar="PATH",
-        type=model_path,
-        action="append",
-        required=True,
-        help="from train; further ones, trained with fewer estimators, serve where one is missing",
-    )
+    add_models(verb)
     verb.add_argument(
         "--estimates",
         metavar="NAME=TOPIC",
@@ -54,41 +47,13 @@ def add(verbs: Verbs) -> None:
         "none",
     )
     _add_frames(verb)
-    _add_policy(verb)
+    add_threshold(verb)
+    add_robot_policy(verb)
     verb.add_argument(
         "--prefix",
         metavar="TOPIC",
         default="/graspcast",
         help="of the topics that are added (default: /graspcast)",
-    )
-
-
-def _add_policy(verb: argparse.ArgumentParser) -> None:
-    verb.add_argument(
-        "--threshold",
-        metavar="P",
-        type=share,
-        help="attempt at this probability or above it (default: 0.5)",
-    )
-    verb.add_argument(
-        "--certificate",
-        metavar="PATH",
-        type=Path,
-        action="append",
-        default=[],
-        help="from certify: its threshold instead; one for each model",
-    )
-    verb.add_argument(
-        "--guide",
-        metavar="NAME",
-        help="whose pose guides: an estimator, fused or best (default: the model's principal)",
-    )
-    verb.add_argument(
-        "--max-looks",
-        metavar="N",
-        type=positive,
-        default=3,
-        help="looks at one scene after which looking again is never advised (default: 3)",
     )
 
 
@@ -136,7 +101,6 @@ def _rosbag(options: argparse.Namespace) -> None:
     from graspcast.ros.conversion import convert_bag
     from graspcast.ros.parameters import pairs
     from graspcast.ros.settings import Settings
-    from graspcast.runtime.watcher import Watcher
 
     require_rosbags()
     settings = Settings(
@@ -149,13 +113,7 @@ def _rosbag(options: argparse.Namespace) -> None:
     )
     topics = pairs(options.estimates, "estimates")
     certificates = [Certificate.load(path) for path in options.certificate]
-    watcher = Watcher.load(
-        *options.model,
-        threshold=options.threshold,
-        certificate=certificates or None,
-        guide=options.guide,
-        max_looks=options.max_looks,
-    )
+    watcher = watcher_of(options, certificates)
     with progress_bar("messages") as move:
         done = convert_bag(
             options.bag,

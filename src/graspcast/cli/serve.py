@@ -7,7 +7,8 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-from graspcast.cli.options import Verbs, new_verb, positive, share
+from graspcast.cli.decision_options import add_models, add_robot_policy, add_threshold, watcher_of
+from graspcast.cli.options import Verbs, new_verb
 from graspcast.cli.progress import waiting
 from graspcast.errors import InputError
 
@@ -27,41 +28,9 @@ def add(verbs: Verbs) -> None:
         "clients then show. SIGTERM and Ctrl-C stop it when all accepted requests are answered.\n"
         "It logs one JSON object a line on standard error.",
     )
-    verb.add_argument(
-        "--model",
-        metavar="PATH",
-        action="append",
-        required=True,
-        help="from train, or demo, the demonstration's (a file of that name is ./demo); further "
-        "ones, trained with fewer supporters, serve where a supporter is missing",
-    )
-    verb.add_argument(
-        "--threshold",
-        metavar="P",
-        type=share,
-        help="attempt at this probability or above it (default: 0.5)",
-    )
-    verb.add_argument(
-        "--certificate",
-        metavar="PATH",
-        type=Path,
-        action="append",
-        default=[],
-        help="from certify: its threshold instead; one for each model",
-    )
-    verb.add_argument(
-        "--guide",
-        metavar="NAME",
-        help="whose pose guides the grasp: an estimator's, fused (the pose fused from several "
-        "views), or best, whichever has the highest probability (default: the model's principal)",
-    )
-    verb.add_argument(
-        "--max-looks",
-        metavar="N",
-        type=positive,
-        default=3,
-        help="looks after which the decision is never to look again (default: 3)",
-    )
+    add_models(verb)
+    add_threshold(verb)
+    add_robot_policy(verb)
     verb.add_argument(
         "--log",
         metavar="PATH",
@@ -100,7 +69,6 @@ def _serve(options: argparse.Namespace) -> None:
     from graspcast.attempt_log.log import AttemptLog
     from graspcast.guarantees.certificate import Certificate
     from graspcast.guarantees.log_monitor import LogMonitor
-    from graspcast.runtime.watcher import Watcher
     from graspcast.service.access import token_from
     from graspcast.service.logs import log_to
     from graspcast.service.server import listen, serve
@@ -113,15 +81,7 @@ def _serve(options: argparse.Namespace) -> None:
         listener = stack.enter_context(listen(options.host, options.port, token))
         log = stack.enter_context(AttemptLog.open(options.log)) if options.log else None
         certificates = [Certificate.load(path) for path in options.certificate]
-        watcher = Watcher.load(
-            *options.model,
-            threshold=options.threshold,
-            certificate=certificates or None,
-            guide=options.guide,
-            max_looks=options.max_looks,
-            log=log,
-            source="service",
-        )
+        watcher = watcher_of(options, certificates, log=log, source="service")
         monitor = None
         if log is not None and certificates and certificates[0].overall.threshold is not None:
             monitor = partial(LogMonitor.of(certificates[0]).update, log)

@@ -23,7 +23,7 @@ from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.grasp_ranking import Reachable, refuse_mask
 from graspcast.forecasting.look_again import MIN_GAIN
 from graspcast.forecasting.novelty import OOD_ALPHA
-from graspcast.forecasting.verdict import Verdict, VerdictRow
+from graspcast.forecasting.verdict import VerdictRow, untrained_rows
 from graspcast.forecasting.view_verdicts import FUSED
 from graspcast.guarantees.certificate import Certificate
 from graspcast.io.arguments import NAME, a, checked, mapping, number
@@ -281,16 +281,8 @@ class Episodes:
         keys, known = fused.instances, set(self.forecaster.card.objects)
         if not known.intersection(keys.objects.tolist()):
             own = fused.gathered.view_T_obj[:, 0, fused.estimators.index(fused.principal)]
-            return [
-                VerdictRow(
-                    key,
-                    fused.principal,
-                    self.forecaster.card.gripper,
-                    Verdict(False, None, f"the model was not trained for {key.object}"),
-                    pose,
-                )
-                for key, pose in zip(keys.to_keys(), own, strict=True)
-            ]
+            gripper = self.forecaster.card.gripper
+            return untrained_rows(keys, own, principal=fused.principal, gripper=gripper)
         motion = None
         if look.world_T_cam is not None:
             image = int(keys.scene_id[0]), int(keys.im_id[0])

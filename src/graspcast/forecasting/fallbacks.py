@@ -27,7 +27,7 @@ from graspcast.guarantees.certificate import Certificate
 from graspcast.guarantees.look_policy import LookPolicy
 from graspcast.io.arguments import NAMED, a, refuse_unless, sequence
 
-__all__ = ["Fallbacks", "certificate_of"]
+__all__ = ["Fallbacks", "certificate_made_for", "certificate_of"]
 
 
 class Fallbacks:
@@ -216,10 +216,24 @@ def certificate_of(
         If there is none, or it was made with another ``ood_alpha`` or of another policy: what is
         attempted would not be what was certified.
     """
+    certificate = certificate_made_for(forecaster, certificates)
+    certificate.check_belongs_to(forecaster.card.digest, ood_alpha, policy)
+    return certificate
+
+
+def certificate_made_for(
+    forecaster: Forecaster, certificates: Sequence[Certificate]
+) -> Certificate:
+    """Return the certificate of a forecaster's model; whether its policy is theirs is not checked.
+
+    Raises
+    ------
+    MismatchError
+        If there is none.
+    """
     card = forecaster.card
     for certificate in certificates:
         if certificate.provenance.get("model") == card.digest:
-            certificate.check_belongs_to(card.digest, ood_alpha, policy)
             return certificate
     raise MismatchError(
         f"no certificate was made for the model with {_named(card)}: certify it, and "

@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from graspcast.errors import InputError
 from graspcast.estimates.alignment import Estimates
-from graspcast.estimates.instances import InstanceKey
+from graspcast.estimates.instances import InstanceKey, Instances
 from graspcast.estimates.outcomes import REFERENCE_GRASP
 from graspcast.forecasting.grasp_ranking import GraspForecast
 from graspcast.forecasting.novelty import OOD_ALPHA, Disagreement
@@ -27,6 +27,7 @@ __all__ = [
     "check_threshold",
     "decide",
     "said_by",
+    "untrained_rows",
     "verdict_rows",
 ]
 
@@ -245,6 +246,30 @@ def chosen(verdict: Verdict, grasps: tuple[GraspForecast, ...]) -> Verdict:
     few = " alone" if best.rests_on_few else ""
     said = f"grasp {best.grasp}{among}, by {counted(best.outcomes, 'outcome')}{few}"
     return replace(verdict, reason=f"{verdict.reason}; {said}", grasp=best.grasp, grasps=grasps)
+
+
+def untrained_rows(
+    instances: Instances, cam_T_obj: Float[ndarray, "n 4 4"], *, principal: str, gripper: str
+) -> list[VerdictRow]:
+    """Return the verdicts on instances of objects that the forecaster was not trained for.
+
+    Parameters
+    ----------
+    instances, cam_T_obj
+        The instances, and the principal's poses of them, metres, (n, 4, 4).
+    principal, gripper
+        Who would guide grasps by which gripper.
+    """
+    return [
+        VerdictRow(
+            key,
+            principal,
+            gripper,
+            Verdict(False, None, f"the model was not trained for {key.object}"),
+            pose,
+        )
+        for key, pose in zip(instances.to_keys(), cam_T_obj, strict=True)
+    ]
 
 
 def verdict_rows(

@@ -108,7 +108,7 @@ def judge(
     """
     if threshold is not None:
         check_threshold(threshold)
-    frame = _Frame.of(forecaster, fused, forecaster.models_or(models) or {}, guide)
+    frame = _Frame.of(forecaster, fused, models, guide)
     if seen is not None:
         frame = replace(frame, seen=seen)
     options: dict[str, Any] = {"guarantee": guarantee, "ood_alpha": ood_alpha}
@@ -151,7 +151,7 @@ def with_further_looks(
     world
         Scene and image to the camera's pose in the world, metres, where it is known.
     """
-    out, frame = list(rows), _Frame.of(forecaster, fused, forecaster.models_or(models) or {}, guide)
+    out, frame = list(rows), _Frame.of(forecaster, fused, models, guide)
     frame.look_again(out, max_looks, min_gain, world=world, noise=noise)
     return out
 
@@ -172,7 +172,7 @@ class _Frame:
         cls,
         forecaster: Forecaster,
         fused: FusedEstimates,
-        models: Mapping[str, Models],
+        models: Mapping[str, Models] | None,
         guide: str | None,
     ) -> _Frame:
         card = forecaster.card
@@ -189,7 +189,7 @@ class _Frame:
         if forecaster.view_model is None:
             several = np.zeros(len(fused), dtype=bool)
         seen = {"score": fused.gathered.score[:, 0]} if len(fused.estimators) == 1 else {}
-        return cls(forecaster, fused, models, guide, several, seen)
+        return cls(forecaster, fused, forecaster.models_or(models) or {}, guide, several, seen)
 
     @cached_property
     def statistics(self) -> Float[ndarray, "n d"]:

@@ -24,7 +24,7 @@ from graspcast.forecasting.episode_verdict import EpisodeVerdict
 from graspcast.forecasting.episodes import ONE_VIEW
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.grasp_ranking import Reachable
-from graspcast.forecasting.verdict import Verdict, VerdictRow
+from graspcast.forecasting.verdict import VerdictRow, untrained_rows
 from graspcast.forecasting.view_verdicts import FUSED, with_further_looks
 from graspcast.pose.conventions import MIN_INSTANCES
 from graspcast.pose.sanity import pose_problems
@@ -126,18 +126,8 @@ class Batch:
         gathered = gather(self._tables, None, self._dataset, principal, _ALONE, {}, rules)
         keys = gathered.instances
         if not set(keys.objects.tolist()) & set(by.forecaster.card.objects):
-            return [
-                VerdictRow(
-                    key,
-                    principal,
-                    by.forecaster.card.gripper,
-                    Verdict(False, None, f"the model was not trained for {key.object}"),
-                    pose,
-                )
-                for key, pose in zip(
-                    keys.to_keys(), self._own(gathered.view_T_obj, principal), strict=True
-                )
-            ]
+            own, gripper = self._own(gathered.view_T_obj, principal), by.forecaster.card.gripper
+            return untrained_rows(keys, own, principal=principal, gripper=gripper)
         n = len(keys)
         poses = FusedPoses(
             self._own(gathered.view_T_obj, principal),

@@ -49,12 +49,11 @@ class Judge:
     ) -> None:
         options = _of_one_look(options)
         known = forecaster.known
-        carried = None if known is None else known.models
         self.forecaster, self.options = forecaster, options
         certificate = options.get("certificate")
         said = None if certificate is None else sha256(canonical_json(certificate.as_dict()))
         self.digests = forecaster.card.digest, said
-        self.models = carried if models is None else models
+        self.models = forecaster.models_or(models)
         self._grasps = {} if known is None else known.grasps
         _check_objects(forecaster, self.models)
         one = self.episodes(split_object_name(forecaster.card.objects[0])[0])

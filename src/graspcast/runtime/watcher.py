@@ -12,7 +12,7 @@ from graspcast.attempt_log.records import FrameRecord, OutcomeRecord
 from graspcast.bop.models import Models
 from graspcast.demo_data import model_path
 from graspcast.errors import GraspcastError, InputError, UnknownNameError
-from graspcast.forecasting.fallbacks import Fallbacks, certificate_of
+from graspcast.forecasting.fallbacks import Fallbacks, certificate_made_for
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.grasp_ranking import refuse_mask
 from graspcast.forecasting.look_again import MIN_GAIN
@@ -128,10 +128,12 @@ class Watcher:
             "ood_alpha": ood_alpha,
         }
         certificates = _listed(certificate)
-        judges = [
-            Judge(f, models, certificate=_certificate(f, certificates, ood_alpha), **options)
-            for f in self.forecasters
-        ]
+
+        def certified(forecaster: Forecaster) -> Certificate | None:
+            """Return its certificate; ``Episodes`` checks that it is of the policy."""
+            return certificate_made_for(forecaster, certificates) if certificates else None
+
+        judges = [Judge(f, models, certificate=certified(f), **options) for f in self.forecasters]
         self._panel, self._certified = Panel(judges), bool(certificates)
         self.gripper = self.forecasters[0].card.gripper
         every = (name for f in self.forecasters for name in f.card.estimators)
@@ -384,16 +386,3 @@ def _listed(certificate: Any) -> list[Certificate]:
             parameters=("certificate",),
         )
     return list(given)
-
-
-def _certificate(
-    forecaster: Forecaster, certificates: Sequence[Certificate], ood_alpha: float
-) -> Certificate | None:
-    """Return a forecaster's certificate; Episodes checks that it is of the policy."""
-    if not certificates:
-        return None
-    card = forecaster.card
-    for certificate in certificates:
-        if certificate.provenance.get("model") == card.digest:
-            return certificate
-    return certificate_of(forecaster, certificates, ood_alpha)
