@@ -62,6 +62,7 @@ def test_what_is_no_frame_is_refused(given: dict[str, Any], message: str) -> Non
         Frame(**{"estimates": {"epos": [GOOD]}, **given})
 
 
+@pytest.mark.ill_typed
 def test_a_frame_keeps_what_it_is_given() -> None:
     given = {"epos": [GOOD], "gdrnpp": []}
     frame = Frame(given, POSE.tolist(), [[600, 0, 320], [0, 600, 240], [0, 0, 1]], 3)
