@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
 from graspcast.cli import main
-from graspcast.training import pytorch
+from graspcast.io.extras import MODULES
 from solid_models import write_solid_models
 
 
@@ -24,7 +25,7 @@ def test_without_pytorch_the_message_says_how_to_install_it(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(pytorch, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "torch", None)
     assert main(command) == 2
     assert "needs torch, which is not installed: pip install 'graspcast[train]'" in (
         capsys.readouterr().err
@@ -52,7 +53,7 @@ def test_mistakes(
     if "--device" in more:
         pytest.importorskip("torch", reason="needs PyTorch: pip install 'graspcast[train]'")
     else:
-        monkeypatch.setattr(pytorch, "find_spec", lambda name: object())
+        monkeypatch.setitem(MODULES, "train", ())
     assert main([*command, *more]) == 2
     assert message in capsys.readouterr().err
     assert [p.name for p in tmp_path.iterdir()] == ["toy"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from graspcast.errors import FormatError
-from graspcast.ros.bag_types import maker_of, own_types, require_rosbags, types_of
+from graspcast.ros.bag_types import maker_of, own_types, types_of
 from graspcast.ros.definitions import DETECTIONS, TRANSFORMS
 
 pytest.importorskip("rosbags", reason="pip install 'graspcast[rosbag]'")
@@ -14,10 +14,6 @@ from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
 def connection(text, kind=MessageDefinitionFormat.MSG, name="x/msg/Y"):
     return SimpleNamespace(msgdef=MessageDefinition(kind, text), msgtype=name, topic="/y")
-
-
-def test_the_extra_is_installed_here():
-    require_rosbags()
 
 
 def test_definitions_of_the_bag_are_used():

@@ -205,9 +205,9 @@ def _evaluate(options: argparse.Namespace) -> None:
     if options.figures is not None:
         if _DRAWN not in protocols:
             raise InputError(f"figures are of the protocol {_DRAWN}; add it to --protocols")
-        from graspcast.evaluation.figures import check_plotting
+        from graspcast.io.extras import require
 
-        check_plotting()
+        require("plot")
     methods = {name: METHODS[name](options.seed) for name in names}
     benchmark, data = _benchmark(options)
     forecasts, scores, views = [], dict[str, Any](), dict[str, Any]()

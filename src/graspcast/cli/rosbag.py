@@ -97,12 +97,12 @@ def _add_frames(verb: argparse.ArgumentParser) -> None:
 
 def _rosbag(options: argparse.Namespace) -> None:
     from graspcast.guarantees.certificate import Certificate
-    from graspcast.ros.bag_types import require_rosbags
+    from graspcast.io.extras import require
     from graspcast.ros.conversion import convert_bag
     from graspcast.ros.parameters import pairs
     from graspcast.ros.settings import Settings
 
-    require_rosbags()
+    require("rosbag")
     settings = Settings(
         camera_frame=options.camera_frame,
         world_frame=options.world_frame,

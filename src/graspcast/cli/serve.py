@@ -63,9 +63,9 @@ def _port(text: str) -> int:
 
 
 def _serve(options: argparse.Namespace) -> None:
-    from graspcast.service.extra import check_installed
+    from graspcast.io.extras import require
 
-    check_installed()
+    require("serve")
     from graspcast.attempt_log.log import AttemptLog
     from graspcast.guarantees.certificate import Certificate
     from graspcast.guarantees.log_monitor import LogMonitor

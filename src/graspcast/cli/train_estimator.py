@@ -97,9 +97,9 @@ def _add_choices(verb: argparse.ArgumentParser) -> None:
 
 
 def _train_estimator(options: argparse.Namespace) -> None:
-    from graspcast.training.pytorch import check_installed
+    from graspcast.io.extras import require
 
-    check_installed()
+    require("train")
     from graspcast.pose.lengths import shown
     from graspcast.training.card import HEADER
     from graspcast.training.objects import Objects

@@ -118,9 +118,9 @@ def _view(options: argparse.Namespace) -> None:
     if options.out is not None and options.out.suffix.lower() != ".glb":
         raise InputError(f"{options.out}: a scene is written to .glb", parameters=("out",))
     if options.out is None:
-        from graspcast.viewing.server import check_installed
+        from graspcast.io.extras import require
 
-        check_installed()
+        require("view")
     scene = _image(options) if options.object is None else _trial(options)
     if options.out is not None:
         from graspcast.viewing.glb import write_glb

@@ -14,17 +14,18 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from graspcast.errors import ExtraMissingError, InputError
+from graspcast.errors import InputError
 from graspcast.evaluation.bootstrap import Bootstrap, Interval, ResampledScores, draw_scenes
 from graspcast.evaluation.predictions import Forecasts
 from graspcast.evaluation.scores import BINS, bin_of, calibration_error, risk_coverage
+from graspcast.io.extras import require
 from graspcast.io.files import atomic_write
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["check_plotting", "draw_figures", "reliability_diagram", "risk_coverage_plot"]
+__all__ = ["draw_figures", "reliability_diagram", "risk_coverage_plot"]
 
 # Okabe and Ito, Color Universal Design (2008): distinct for colour-blind readers too.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -46,24 +47,10 @@ Panel = dict[str, list[Forecasts]]
 """Method's name to its forecasts for each principal, with one gripper."""
 
 
-def check_plotting() -> None:
-    """Check that matplotlib is installed.
-
-    Raises
-    ------
-    ExtraMissingError
-        If it is not.
-    """
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError as error:
-        raise ExtraMissingError("matplotlib", "plot") from error
-
-
 @contextmanager
 def _figure(columns: int, rows: int, size: tuple[float, float]) -> Iterator[tuple[Figure, ndarray]]:
     """Yield a figure and its grid of axes, without changing pyplot's state."""
-    check_plotting()
+    require("plot")
     import matplotlib
     from matplotlib.figure import Figure
 

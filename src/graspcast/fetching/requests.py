@@ -13,9 +13,9 @@ from urllib.request import getproxies
 from graspcast._version import __version__
 from graspcast.errors import DownloadError
 from graspcast.fetching.addresses import redirected, shown
-from graspcast.fetching.extra import import_httpx
 from graspcast.fetching.limits import Limits
 from graspcast.fetching.partial_file import Version
+from graspcast.io.extras import require
 
 __all__ = ["Answer", "TryAgainError", "client", "get"]
 
@@ -126,7 +126,9 @@ def client(limits: Limits) -> Iterator[Any]:
     DownloadError
         If the environment names a proxy that cannot be used.
     """
-    httpx = import_httpx()
+    require("fetch")
+    import httpx
+
     timeout = httpx.Timeout(limits.stall_s, connect=limits.connect_s)
     try:
         opened = httpx.Client(
@@ -154,7 +156,9 @@ def get(http: Any, url: str, headers: Mapping[str, str], limits: Limits) -> Iter
     DownloadError
         If a redirect leads where it must not, or in a circle.
     """
-    httpx = import_httpx()
+    require("fetch")
+    import httpx
+
     at, stated, answered = url, "", False
     try:
         for _ in range(limits.redirects + 1):

@@ -11,7 +11,8 @@ from types import TracebackType
 from typing import Any
 
 from graspcast.errors import FormatError, InputError, UnknownNameError
-from graspcast.ros.bag_types import require_rosbags, types_of
+from graspcast.io.extras import require
+from graspcast.ros.bag_types import types_of
 
 __all__ = ["MCAP", "ROS1", "SQLITE", "BagReader", "kind_of"]
 
@@ -51,7 +52,7 @@ class BagReader:
     """
 
     def __init__(self, path: str | PathLike[str]):
-        require_rosbags()
+        require("rosbag")
         self.path = Path(path)
         self.kind = self._kind()
         self.ros1 = self.kind == ROS1

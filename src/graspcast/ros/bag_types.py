@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
-from graspcast.errors import ExtraMissingError, FormatError
+from graspcast.errors import FormatError
 from graspcast.ros.definitions import (
     DETECTIONS,
     GRASPCAST_MSGS,
@@ -20,24 +20,10 @@ from graspcast.ros.definitions import (
 )
 from graspcast.ros.outgoing import Maker
 
-__all__ = ["maker_of", "own_types", "require_rosbags", "types_of"]
+__all__ = ["maker_of", "own_types", "types_of"]
 
 _TYPE_NAME = re.compile(r"[A-Za-z]\w{0,127}(/msg)?/[A-Za-z]\w{0,127}", re.ASCII)
 _FIELD_NAME = re.compile(r"[A-Za-z_]\w{0,127}", re.ASCII)
-
-
-def require_rosbags() -> None:
-    """Raise if the extra ``rosbag`` is not installed.
-
-    Raises
-    ------
-    ExtraMissingError
-        With the line that installs it.
-    """
-    try:
-        import rosbags.highlevel  # noqa: F401
-    except ImportError as error:
-        raise ExtraMissingError("rosbags", "rosbag") from error
 
 
 def own_types(*, ros1: bool) -> Any:

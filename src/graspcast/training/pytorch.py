@@ -1,30 +1,13 @@
-"""PyTorch: whether it is installed, and the device that it computes on."""
+"""PyTorch: the device that it computes on."""
 
 from __future__ import annotations
 
-from importlib.util import find_spec
+from graspcast.errors import InputError, UnknownNameError
 
-from graspcast.errors import ExtraMissingError, InputError, UnknownNameError
-
-__all__ = ["DEVICES", "check_installed", "choose_device"]
+__all__ = ["DEVICES", "choose_device"]
 
 DEVICES = ("auto", "cpu", "cuda")
 """Devices by name; ``auto`` is a CUDA GPU that PyTorch sees, else the CPU."""
-
-_PACKAGES = ("torch", "onnx", "onnxscript")
-
-
-def check_installed() -> None:
-    """Raise unless all that training needs is installed.
-
-    Raises
-    ------
-    ExtraMissingError
-        Naming the first package that is missing, and how to install it.
-    """
-    for package in _PACKAGES:
-        if find_spec(package) is None:
-            raise ExtraMissingError(package, "train")
 
 
 def choose_device(name: str = "auto") -> str:

@@ -13,13 +13,14 @@ from typing import Any
 from graspcast.bop.dataset import BopDataset
 from graspcast.errors import MismatchError
 from graspcast.io.artefacts import read_artefact, write_artefact
+from graspcast.io.extras import require
 from graspcast.io.files import atomic_write, check_target, temporary_directory, write_text
 from graspcast.io.locks import exclusive_lock
 from graspcast.io.progress import Progress
 from graspcast.perception.network import Network
 from graspcast.training.card import card
 from graspcast.training.objects import Objects
-from graspcast.training.pytorch import check_installed, choose_device
+from graspcast.training.pytorch import choose_device
 from graspcast.training.samples import VIEWS, Samples, render_samples
 from graspcast.training.settings import TrainingSettings
 from graspcast.training.validation import measure_errors, validation_images
@@ -93,7 +94,7 @@ def train_estimators(
         If ``work`` was begun with other objects or settings.
     """
     settings = settings or TrainingSettings()
-    check_installed()
+    require("train")
     device = choose_device(settings.device)
     work, out = Path(work), Path(out)
     busy = f"{work}: another process trains here; wait for it, or choose another directory"

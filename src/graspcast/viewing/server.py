@@ -13,32 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from graspcast.errors import ExtraMissingError, InputError
+from graspcast.errors import InputError
 from graspcast.io.arguments import NAME, checked
+from graspcast.io.extras import require
 from graspcast.pose.transforms import quaternion, transform_points
 from graspcast.viewing.scene import Motion, Node, Scene
 
-__all__ = ["ViewServer", "check_installed"]
+__all__ = ["ViewServer"]
 
 _FLAT_FACES = 64
 _AWAY = 0.9
 """Distance of the first view from the middle, as a multiple of the scene's size."""
 
 _STEP_S = 1 / 25
-
-
-def check_installed() -> None:
-    """Raise unless viser is installed.
-
-    Raises
-    ------
-    ExtraMissingError
-        If it is not.
-    """
-    try:
-        import viser  # noqa: F401
-    except ImportError as error:
-        raise ExtraMissingError("viser", "view") from error
 
 
 class ViewServer:
@@ -63,7 +50,7 @@ class ViewServer:
 
     @checked(host=NAME)
     def __init__(self, scene: Scene, *, host: str = "127.0.0.1", port: int = 8080):
-        check_installed()
+        require("view")
         port = _free_port(host, port)
         import viser
 

@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray
 
-from graspcast.errors import ExtraMissingError, InputError
+from graspcast.errors import InputError
+from graspcast.io.extras import require
 from graspcast.io.files import atomic_write
 from graspcast.io.progress import Count
 from graspcast.rendering.drawing import BAD, FAINT, GOOD, INK, blank, save_png, write
@@ -170,10 +171,9 @@ def _write_gif(
 def _write_mp4(
     path: Path, frames: Iterator[UInt8[ndarray, "h w 3"]], size: tuple[int, int], fps: float
 ) -> None:
-    try:
-        from imageio_ffmpeg import write_frames
-    except ImportError as error:
-        raise ExtraMissingError("imageio-ffmpeg", "video") from error
+    require("video")
+    from imageio_ffmpeg import write_frames
+
     film = write_frames(
         str(path),
         size,

@@ -8,7 +8,8 @@ import time
 import warnings
 from typing import Any
 
-from graspcast.errors import ExtraMissingError, InputError
+from graspcast.errors import InputError
+from graspcast.io.extras import require
 from graspcast.rendering.trials.appearance import Appearance
 from graspcast.simulation.grippers.protocol import Gripper
 from graspcast.simulation.objects.types import GraspObject
@@ -35,10 +36,9 @@ def check_display() -> None:
         raise InputError(
             f"there is no display for MuJoCo's viewer; {_INSTEAD}", parameters=("out",)
         )
-    try:
-        import glfw
-    except ImportError as error:
-        raise ExtraMissingError("glfw", "render") from error
+    require("render")
+    import glfw
+
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         # The viewer would wait forever for a window that cannot be opened.
