@@ -182,7 +182,7 @@ def test_scenes_that_were_trained_on_are_refused(
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        (["--rate", "1"], "rate should be above 0 and below 1"),
+        (["--rate", "1", "--model", "no.npz"], "rate should be above 0 and below 1"),
         (["--sequence-share", "0.999"], "parts empty (see --sequence-share)"),
         (["--objects", "2", "--model", "no.npz"], "no.npz: cannot be read"),
     ],

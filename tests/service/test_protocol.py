@@ -106,6 +106,20 @@ def test_what_is_no_http_is_refused(service: Process, sent: bytes) -> None:
 
 
 @pytest.mark.parametrize(
+    "more", [b"X: " + 8192 * b"a" + b"\r\n", b"X: " + 16_384 * b"a" + b"\r\n", 2000 * b"X: a\r\n"]
+)
+def test_a_large_head_is_refused_though_it_comes_at_once(service: Process, more: bytes) -> None:
+    answer = service.sent(WHOLE.replace(b"\r\n", b"\r\n" + more, 1))
+    assert status(answer) == 431
+    assert b"line and headers exceed 8192 bytes" in answer
+
+
+def test_a_request_without_a_host_is_refused(service: Process) -> None:
+    answer = service.sent(WHOLE.replace(b"Host: localhost\r\n", b""))
+    assert (status(answer), b"Host is missing" in answer) == (400, True)
+
+
+@pytest.mark.parametrize(
     "head", [b"X: " + 100_000 * b"a", 10_000 * b"X: a\r\n", b"Cookie: " + 9_000 * b"a"]
 )
 def test_a_large_head_is_refused(service: Process, head: bytes) -> None:

@@ -129,7 +129,6 @@ def _certify(options: argparse.Namespace) -> None:
     from graspcast.forecasting.recorded_verdicts import one_view_notes
 
     check_sources(options, outcomes=True)
-    forecaster = Forecaster.load(options.model)
     asked = GuaranteeOptions(
         rate=options.rate,
         confidence=options.confidence,
@@ -144,6 +143,7 @@ def _certify(options: argparse.Namespace) -> None:
         seed=options.seed,
         allow_training_scenes=options.allow_training_scenes,
     )
+    forecaster = Forecaster.load(options.model)
     if options.from_log:
         certificate = _of_log(options, forecaster, asked)
         _finish(options, certificate)

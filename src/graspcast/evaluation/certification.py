@@ -23,6 +23,7 @@ from graspcast.guarantees.certify import certify
 from graspcast.guarantees.promises import Alternative
 from graspcast.guarantees.threshold_sequence import (
     ThresholdSequence,
+    check_target,
     default_sequence,
     learn_sequence,
     split_sequence,
@@ -57,6 +58,11 @@ class GuaranteeOptions:
     accept_lower: bool = False
     seed: int = 0
     allow_training_scenes: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the rate and the confidence, before anything is read for them."""
+        check_target("rate", self.rate)
+        check_target("confidence", self.confidence)
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,6 +105,7 @@ class Edge:
 
     async def _reply(self, scope: Any, method: str, path: str, receive: Receive) -> Reply:
         headers = dict(scope["headers"])
+        self._check_head(scope, headers)
         if path not in _OPEN:
             self._access.check(headers)
         body = await self._body(headers, receive)
@@ -113,6 +114,16 @@ class Edge:
         if (direct := self._direct.get((method, path))) is not None:
             return await direct(body)
         return await self._routed(scope, method, body, receive)
+
+    def _check_head(self, scope: Any, headers: Mapping[bytes, bytes]) -> None:
+        """Refuse a head that is too large though it came at once, and one without a host."""
+        size = len(scope.get("raw_path") or b"") + len(scope["query_string"])
+        size += sum(len(name) + len(value) + 4 for name, value in scope["headers"])
+        if size > self._limits.head_bytes:
+            detail = f"line and headers exceed {self._limits.head_bytes} bytes"
+            raise RefusedError(431, detail, headers=(_CLOSE,))
+        if b"host" not in headers and scope["http_version"] == "1.1":
+            raise RefusedError(400, "the header Host is missing", headers=(_CLOSE,))
 
     async def _body(self, headers: Mapping[bytes, bytes], receive: Receive) -> bytes:
         """Read a body within the limits of size and time."""
