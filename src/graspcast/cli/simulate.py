@@ -106,11 +106,20 @@ def _add_grasps(verb: argparse.ArgumentParser) -> None:
 
 
 def _executor(options: argparse.Namespace) -> Executor:
-    from graspcast.simulation.campaign.executors import LocalExecutor, RayExecutor
+    from graspcast.simulation.campaign.executors import LocalExecutor
 
-    if options.executor == "ray":
-        return RayExecutor(options.address)
-    return LocalExecutor(options.workers)
+    if options.executor == "local":
+        if options.address is not None:
+            raise InputError("an address is for the executor ray", parameters=("executor",))
+        return LocalExecutor(options.workers)
+    if options.workers is not None:
+        raise InputError(
+            "a Ray cluster has as many workers as cores; limit them when you start Ray on a node",
+            parameters=("workers",),
+        )
+    from graspcast.simulation.campaign.ray_executor import RayExecutor
+
+    return RayExecutor(options.address)
 
 
 def _strict(options: argparse.Namespace) -> bool:
@@ -184,6 +193,7 @@ def _simulate(options: argparse.Namespace) -> None:
     from graspcast.simulation.grippers import load_grippers
     from graspcast.simulation.objects.catalogue import read_catalogue
 
+    executor = _executor(options)
     drawn = drawn_errors(options)
     inputs = _inputs(options, drawn)
     errors = drawn
@@ -218,7 +228,7 @@ def _simulate(options: argparse.Namespace) -> None:
             requests,
             setups,
             options.out,
-            executor=_executor(options),
+            executor=executor,
             sources=sources_of(inputs.results) if errors is None else errors.sources,
             progress=move,
         )

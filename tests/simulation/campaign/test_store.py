@@ -100,13 +100,36 @@ def test_many_shards_are_merged_on_the_way(
 ) -> None:
     monkeypatch.setattr("graspcast.simulation.campaign.store._MOST_SHARDS", 3)
     whole = Store(complete).outcomes()
-    store = Store(tmp_path / "out")
-    with store.lock():
-        store.begin(Store(complete).manifest)
-        for row in range(20):
+    out = tmp_path / "out"
+    counts, written = [], 0
+    for row in range(40):
+        store = Store(out)  # as of a process that resumes, which knows of shards by their files
+        with store.lock():
+            store.begin(Store(complete).manifest)
+            before = set((out / "shards").glob("*"))
             store.append(whole[row : row + 1])
-            assert len(list((tmp_path / "out" / "shards").iterdir())) <= 4
-    assert store.outcomes().equals(whole[:20])
+        shards = set((out / "shards").glob("*"))
+        counts.append(len(shards))
+        written += sum(len(pl.read_parquet(path)) for path in shards - before)
+    # At most three of each level, and those of the highest, of sixteen trials.
+    assert max(counts) <= 3 + 3 + 40 // 16
+    # 40 once, and nearly all once more on each of the two higher levels: never all over again.
+    assert written <= 3 * 40
+    assert store.outcomes().equals(whole)
+    assert store.finish().equals(whole)
+
+
+def test_shards_of_earlier_versions_are_merged_too(complete: Path, tmp_path: Path) -> None:
+    whole = Store(complete).outcomes()
+    store = Store(tmp_path / "out")
+    store.begin(Store(complete).manifest)
+    store.append(whole[:7])
+    (shard,) = (tmp_path / "out" / "shards").iterdir()
+    shard.rename(shard.with_name(shard.name.partition("-")[2]))
+    again = Store(tmp_path / "out")
+    again.begin(Store(complete).manifest)
+    again.append(whole[7:])
+    assert again.finish().equals(whole)
 
 
 def test_a_damaged_shard_is_named_and_the_rest_stays(complete: Path, tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from os import PathLike
 from typing import Any
@@ -21,6 +21,7 @@ from graspcast.estimates.outcomes import (
 from graspcast.io.arguments import PATH, a, checked
 from graspcast.io.hashing import canonical_json, sha256
 from graspcast.io.progress import Count
+from graspcast.simulation.campaign.batches import Batches
 from graspcast.simulation.campaign.dataset_card import write_card
 from graspcast.simulation.campaign.executors import Executor, LocalExecutor
 from graspcast.simulation.campaign.jobs import Batch, TrialSetup
@@ -31,7 +32,6 @@ from graspcast.simulation.trial.trial import Outcome
 
 __all__ = ["always_missed", "mostly_collided", "reason_counts", "run_campaign"]
 
-_BATCH_SIZE = 16
 _SETUP = ("object", "gripper", "grasp")
 
 
@@ -83,7 +83,7 @@ def run_campaign(
         left = _rows_left(requests, store.outcomes())
         report = _Reporter(len(requests), len(requests) - len(left), progress)
         try:
-            if batches := list(_batches(requests, left)):
+            if batches := Batches(requests, left):
                 with closing((executor or LocalExecutor()).run(setups, batches)) as computed:
                     for batch, outcomes in computed:
                         store.append(_table(requests, batch, outcomes, setups[batch.setup]))
@@ -92,7 +92,8 @@ def run_campaign(
         except GraspcastError as error:
             raise CampaignStoppedError(
                 f"{error}. {report.done} of {len(requests)} trials are kept in {store.directory}; "
-                "run the same again to resume"
+                "run the same again to resume",
+                parameters=error.parameters,
             ) from error
         write_card(store.directory, stored, store.manifest)
     return stored
@@ -186,14 +187,6 @@ def _describe(setup: TrialSetup) -> dict[str, Any]:
 def _rows_left(requests: TrialRequests, stored: pl.DataFrame) -> np.ndarray:
     rows = requests.keys.with_row_index("row").join(stored, on=list(TRIAL_COLUMNS), how="anti")
     return np.sort(rows["row"].to_numpy()).astype(np.int64)
-
-
-def _batches(requests: TrialRequests, left: np.ndarray) -> Iterator[Batch]:
-    for key in requests.setups():
-        mine = np.intersect1d(requests.rows_of(*key), left, assume_unique=True)
-        for start in range(0, len(mine), _BATCH_SIZE):
-            rows = mine[start : start + _BATCH_SIZE]
-            yield Batch(key, rows, requests.obj_T_est[rows])
 
 
 def _table(

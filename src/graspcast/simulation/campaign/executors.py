@@ -1,4 +1,4 @@
-"""Executors of a campaign: processes on this machine, or a Ray cluster."""
+"""Executors of a campaign: what runs its trials, here processes on this machine."""
 
 from __future__ import annotations
 
@@ -15,15 +15,18 @@ from itertools import islice
 from multiprocessing.connection import wait
 from typing import Any, Protocol, runtime_checkable
 
-from graspcast.errors import ExtraMissingError, InputError, WorkerLostError
+from graspcast.errors import InputError, WorkerLostError
 from graspcast.simulation.campaign.jobs import Batch, TrialSetup, run_batch
 from graspcast.simulation.campaign.requests import SetupKey
 from graspcast.simulation.trial.trial import Outcome
 
-__all__ = ["Executor", "LocalExecutor", "RayExecutor", "usable_cores"]
+__all__ = ["Done", "Executor", "LocalExecutor", "Setups", "usable_cores"]
 
 Setups = Mapping[SetupKey, TrialSetup]
+"""Trial setups by (object, gripper, grasp)."""
+
 Done = tuple[Batch, list[Outcome]]
+"""A batch with its outcomes, in its order."""
 
 _LEAVING_S = 5.0
 """Time for a process whose pipe is closed to end, seconds."""
@@ -244,71 +247,3 @@ def _exit_with(sentinel: int) -> None:
     """Exit when the parent process ends; a killed parent cannot stop its workers."""
     wait([sentinel])
     os._exit(1)
-
-
-class RayExecutor:
-    """Workers on a Ray cluster; batches of a lost node are run again on another.
-
-    Every node needs Ray and the same version of graspcast. The MJCF file of a custom gripper must
-    have the same path on every node.
-
-    Parameters
-    ----------
-    address
-        Address of the cluster. If None: the cluster that this process is connected to, or else the
-        one that Ray finds.
-    ahead
-        Largest number of batches submitted at a time; twice the cluster's cores if None.
-
-    Raises
-    ------
-    ExtraMissingError
-        If Ray is not installed.
-    """
-
-    def __init__(self, address: str | None = None, ahead: int | None = None):
-        try:
-            import ray
-        except ImportError as error:
-            raise ExtraMissingError("ray", "ray") from error
-        self._ray = ray
-        self.address, self.ahead = address, ahead
-
-    def run(self, setups: Setups, batches: Sequence[Batch]) -> Generator[Done, None, None]:
-        """Yield each batch with its outcomes.
-
-        Raises
-        ------
-        WorkerLostError
-            If the cluster cannot be reached, or is lost as a whole.
-        InputError
-            If a trial failed.
-        """
-        ray = self._ray
-        if not ray.is_initialized():
-            try:
-                ray.init(address=self.address or "auto", log_to_driver=False)
-            except (ConnectionError, RuntimeError, ValueError) as error:
-                raise WorkerLostError(
-                    f"no Ray cluster could be reached: {error}", parameters=("address",)
-                ) from error
-        # A batch has no side effects, so it can be run again.
-        remote = ray.remote(num_cpus=1, max_retries=-1)(run_batch)
-        stored = {key: ray.put(setup) for key, setup in setups.items()}
-        waiting = iter(batches)
-        running: dict[Any, Batch] = {}
-        while True:
-            ahead = self.ahead or 2 * max(1, int(ray.cluster_resources().get("CPU", 1)))
-            for batch in islice(waiting, max(0, ahead - len(running))):
-                running[remote.remote(stored[batch.setup], batch)] = batch
-            if not running:
-                return
-            done, _ = ray.wait(list(running), num_returns=1)
-            for reference in done:
-                try:
-                    outcomes = ray.get(reference)
-                except ray.exceptions.RayTaskError as error:
-                    raise InputError(str(error.cause)) from error
-                except ray.exceptions.RayError as error:
-                    raise WorkerLostError(f"the Ray cluster was lost: {error}") from error
-                yield running.pop(reference), outcomes

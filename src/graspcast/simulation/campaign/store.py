@@ -9,13 +9,14 @@
 
 Writes are atomic, so a process killed at any time leaves complete shards. Shards are merged by
 writing the merged file first and removing its parts afterwards; outcomes that are stored twice in
-between are read once.
+between are read once. Many small shards are merged into one of the next level, many of those into
+one of the level after: an outcome is written about three times, however many there are.
 """
 
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -54,7 +55,7 @@ _ADDED: dict[str, float | None] = {"short_m": float("nan"), "force_n": float("na
 """Columns that outcomes of earlier versions lack, and their values by the paper's protocol."""
 
 MANIFEST, SHARDS, OUTCOMES = "manifest.json", "shards", "outcomes.parquet"
-_MOST_SHARDS = 500
+_MOST_SHARDS, _HIGHEST_LEVEL = 500, 2
 
 
 class Store:
@@ -68,7 +69,7 @@ class Store:
 
     def __init__(self, directory: str | PathLike[str]):
         self.directory = Path(directory)
-        self._shards = 0
+        self._levels: dict[int, list[Path]] = {}
 
     @property
     def manifest(self) -> dict[str, Any]:
@@ -133,7 +134,9 @@ class Store:
         """Remove incomplete files of a killed process."""
         for directory in (self.directory, self.directory / SHARDS):
             sweep(directory)
-        self._shards = len(self._shard_files())
+        self._levels = {}
+        for path in self._shard_files():
+            self._levels.setdefault(_level(path), []).append(path)
 
     @contextmanager
     def lock(self) -> Iterator[None]:
@@ -156,15 +159,30 @@ class Store:
         InputError
             If they cannot be written, for example because the disk is full.
         """
-        self._write(self.directory / SHARDS / f"{uuid.uuid4().hex}.parquet", outcomes)
-        self._shards += 1
-        if self._shards > _MOST_SHARDS:
-            self._merge(self.directory / SHARDS / f"{uuid.uuid4().hex}.parquet")
-            self._shards = 1
+        self._add(outcomes, 0)
+        for level in range(_HIGHEST_LEVEL):
+            if len(parts := self._levels.get(level, [])) <= _MOST_SHARDS:
+                return
+            self._add(_together(parts), level + 1)
+            for path in parts:
+                path.unlink(missing_ok=True)
+            parts.clear()
+
+    def _add(self, outcomes: pl.DataFrame, level: int) -> None:
+        """Write a shard; its name begins with its level."""
+        path = self.directory / SHARDS / f"{level}-{uuid.uuid4().hex}.parquet"
+        self._write(path, outcomes)
+        self._levels.setdefault(level, []).append(path)
 
     def finish(self) -> pl.DataFrame:
         """Merge all outcomes into ``outcomes.parquet``, and return them."""
-        outcomes = self._merge(self.directory / OUTCOMES)
+        target, parts = self.directory / OUTCOMES, self._files()
+        outcomes = self.outcomes()
+        if parts != [target]:
+            self._write(target, outcomes)
+        for path in parts:
+            if path != target:
+                path.unlink(missing_ok=True)
         if (self.directory / SHARDS).is_dir() and not any((self.directory / SHARDS).iterdir()):
             (self.directory / SHARDS).rmdir()
         return outcomes
@@ -178,19 +196,7 @@ class Store:
             If the directory is no campaign's, or one of its files is damaged.
         """
         self.manifest  # noqa: B018 - raises for a directory without a campaign
-        parts = [_read(path) for path in self._files()]
-        together = pl.concat([pl.DataFrame(schema=COLUMNS), *parts])
-        return together.unique(list(TRIAL_COLUMNS), keep="first").sort(list(TRIAL_COLUMNS))
-
-    def _merge(self, target: Path) -> pl.DataFrame:
-        parts = self._files()
-        outcomes = self.outcomes()
-        if parts != [target]:
-            self._write(target, outcomes)
-        for path in parts:
-            if path != target:
-                path.unlink(missing_ok=True)
-        return outcomes
+        return _together(self._files())
 
     def _files(self) -> list[Path]:
         complete = self.directory / OUTCOMES
@@ -202,6 +208,21 @@ class Store:
     def _write(self, path: Path, outcomes: pl.DataFrame) -> None:
         kept = outcomes.select(pl.col(name).cast(kind) for name, kind in COLUMNS.items())
         write_table(path, kept)
+
+
+def _level(path: Path) -> int:
+    first, dash, _ = path.name.partition("-")
+    return int(first) if dash and first.isdecimal() else 0
+
+
+def _together(paths: Sequence[Path]) -> pl.DataFrame:
+    """Return the outcomes of files, sorted by keys, without duplicates: of two, the first."""
+    keys = list(TRIAL_COLUMNS)
+    parts = [pl.DataFrame(schema=COLUMNS), *map(_read, paths)]
+    outcomes = pl.concat(parts).sort(keys, maintain_order=True)
+    repeated = pl.all_horizontal(pl.col(name) == pl.col(name).shift() for name in keys)
+    new = outcomes.select(~repeated.fill_null(value=False)).to_series()
+    return outcomes if new.all() else outcomes.filter(new)
 
 
 def _read(path: Path) -> pl.DataFrame:
