@@ -77,6 +77,6 @@ def trained(
     """A forecaster of these objects by estimators."""
     given = training(folder, names=names)
     data = given.data if views else replace(given.data, views=None)
-    settings = ForestSettings(trees=20, folds=0)
+    settings = ForestSettings(trees=8, folds=0)
     forecaster = graspcast.train_forecaster(data, models=given.models, forests=settings)
     return forecaster, given.models

@@ -63,7 +63,7 @@ def inputs(root: Path, names: tuple[str, ...] = NAMES) -> list[str]:
 
 def train(root: Path, out: Path, *more: str, names: tuple[str, ...] = NAMES) -> int:
     given = ["train", *inputs(root, names), "--principal", "a", "--gripper", "parallel"]
-    given += ["--outcomes", str(root / "outcomes.csv"), "--trees", "8", "--folds", "0"]
+    given += ["--outcomes", str(root / "outcomes.csv"), "--trees", "4", "--folds", "0"]
     return main([*given, "--out", str(out), *more])
 
 
@@ -316,7 +316,7 @@ def test_an_instance_that_another_did_not_find_is_learned_from_all_the_same(
     write_results(tmp_path / "c_d-test.csv", table.select(table.im_id > 0))
     given = ["train", *inputs(folder, ("a", "b"))]
     given += ["--estimates", f"c={tmp_path / 'c_d-test.csv'}", "--learn-from", "c"]
-    given += ["--principal", "a", "--gripper", "parallel", "--trees", "8", "--folds", "2"]
+    given += ["--principal", "a", "--gripper", "parallel", "--trees", "4", "--folds", "2"]
     given += ["--outcomes", str(folder / "outcomes.csv"), "--out", str(tmp_path / "m.npz")]
     assert main(given) == 0
     out, err = capsys.readouterr()
