@@ -147,6 +147,7 @@ def of_views(root: Path, *more: str) -> list[str]:
     return [*out, "--trees", "4", "--folds", "2", "--bootstrap", "50", *more]
 
 
+@pytest.mark.slow
 def test_a_second_view_beside_a_second_estimator(
     static: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -234,6 +234,7 @@ def test_single_views_are_counted_once_where_camera_poses_are_missing(
     assert capsys.readouterr().err.count(said) == 1
 
 
+@pytest.mark.slow
 def test_a_model_without_views_says_so_where_the_fused_pose_should_guide(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -269,6 +270,7 @@ def test_one_estimator_is_enough_with_views(
             assert "mostly visibility; after a further look" in row["reason"]
 
 
+@pytest.mark.slow
 def test_what_does_not_fit_is_told(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -288,6 +290,7 @@ def test_what_does_not_fit_is_told(
     assert "does not forecast with several views" in refused([*given, "--method", "direct"], capsys)
 
 
+@pytest.mark.slow
 def test_one_estimator_learns_from_outcomes_of_others_and_needs_none_of_them(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -309,6 +312,7 @@ def test_one_estimator_learns_from_outcomes_of_others_and_needs_none_of_them(
     assert [r["probability"] for r in better] != [r["probability"] for r in plain]
 
 
+@pytest.mark.slow
 def test_an_instance_that_another_did_not_find_is_learned_from_all_the_same(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
