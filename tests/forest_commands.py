@@ -94,7 +94,7 @@ def inputs(world: Path, names: str = "abc", folder: Path | None = None) -> list[
 def train(world: Path, out: str, *more: str, names: str = "abc") -> list[str]:
     start = ["train", *inputs(world, names), "--principal", "a", "--gripper", "parallel"]
     folds = [] if "--folds" in more or "--outcomes" not in more else ["--folds", "0"]
-    return [*start, "--trees", "16", "--out", str(world / out), *folds, *more]
+    return [*start, "--trees", "6", "--out", str(world / out), *folds, *more]
 
 
 def predict(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 import graspcast
 from graspcast.bop.models import Models
 from graspcast.bop.results import Results
+from graspcast.errors import TrainingDataWarning
 from graspcast.estimates.alignment import align
 from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.training_data import TrainingData
@@ -42,6 +44,19 @@ def joined(tables: list[Results]) -> Results:
 def training(folder: Path, *, names: Sequence[str] = NAMES) -> Training:
     """Objects d-1 and d-2 as seen by estimators; grasps succeed with errors below 8 mm."""
     models = {"d": Models(write_models(folder, obj_1={}, obj_2={}))}
+    if tuple(names) not in _MADE:
+        _MADE[tuple(names)] = _made(models, names)
+    data, results, motion = _MADE[tuple(names)]
+    return Training(data, models, results, motion)
+
+
+# What one process has made, for all of its tests.
+_MADE: dict[tuple[str, ...], tuple[TrainingData, dict[str, Results], CameraMotion]] = {}
+
+
+def _made(
+    models: dict[str, Models], names: Sequence[str]
+) -> tuple[TrainingData, dict[str, Results], CameraMotion]:
     truth = []
     tables: dict[str, list[Results]] = {name: [] for name in names}
     for scene in range(1, SCENES + 1):
@@ -61,7 +76,7 @@ def training(folder: Path, *, names: Sequence[str] = NAMES) -> Training:
     scenes, images = zip(*keys, strict=True)
     motion = CameraMotion.of(scenes, images, np.concatenate([CAMERAS] * SCENES))
     views = view_data(estimates, [fused(results, models, motion, n) for n in (1, 2, 3)], {})
-    return Training(replace(data, views=views), models, results, motion)
+    return replace(data, views=views), results, motion
 
 
 def fused(
@@ -76,7 +91,17 @@ def trained(
 ) -> tuple[graspcast.Forecaster, dict[str, Models]]:
     """A forecaster of these objects by estimators."""
     given = training(folder, names=names)
-    data = given.data if views else replace(given.data, views=None)
-    settings = ForestSettings(trees=20, folds=0)
-    forecaster = graspcast.train_forecaster(data, models=given.models, forests=settings)
+    if (views, *names) not in _TRAINED:
+        data = given.data if views else replace(given.data, views=None)
+        settings = ForestSettings(trees=8, folds=0)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            made = graspcast.train_forecaster(data, models=given.models, forests=settings)
+        _TRAINED[views, *names] = made, [str(warning.message) for warning in said]
+    forecaster, messages = _TRAINED[views, *names]
+    for message in messages:
+        warnings.warn(message, TrainingDataWarning, stacklevel=2)
     return forecaster, given.models
+
+
+_TRAINED: dict[tuple[bool | str, ...], tuple[graspcast.Forecaster, list[str]]] = {}

@@ -94,7 +94,7 @@ def inputs(root: Path, *names: str) -> list[str]:
 
 
 def train_command(root: Path, out: Path, *more: str, names: tuple[str, ...] = ("a",)) -> list[str]:
-    out_of = ["--outcomes", str(root / "outcomes.csv"), "--trees", "16", "--out", str(out)]
+    out_of = ["--outcomes", str(root / "outcomes.csv"), "--trees", "6", "--out", str(out)]
     who = ["--principal", "a", "--gripper", "p"]
     return ["train", *inputs(root, *names), *who, *out_of, *more]
 

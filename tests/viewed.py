@@ -13,7 +13,7 @@ from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.views.object_motion import ObjectMotion
 from looked_at import training
 
-SMALL = ForestSettings(trees=16, draws=16, folds=2)
+SMALL = ForestSettings(trees=6, draws=16, folds=2)
 
 
 def benchmark(folder: Path, *, grippers: tuple[str, ...] = ("p",)) -> tuple[Benchmark, Sources]:

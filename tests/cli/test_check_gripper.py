@@ -25,6 +25,7 @@ def test_a_gripper_that_passes(capsys: pytest.CaptureFixture[str]) -> None:
     assert opening.count("90.0 mm") == 2
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     release_of(mujoco.__version__) < (3, 12), reason="MuJoCo before 3.12 makes no such remark"
 )

@@ -144,9 +144,10 @@ def of_views(root: Path, *more: str) -> list[str]:
     for name in "ab":
         out += ["--estimates", f"{name}={root / f'{name}_d-test.csv'}"]
     out += ["--outcomes", str(root / "outcomes.csv"), "--ground-truth", str(root / "truth")]
-    return [*out, "--trees", "12", "--folds", "2", "--bootstrap", "50", *more]
+    return [*out, "--trees", "4", "--folds", "2", "--bootstrap", "50", *more]
 
 
+@pytest.mark.slow
 def test_a_second_view_beside_a_second_estimator(
     static: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

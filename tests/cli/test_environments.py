@@ -47,12 +47,14 @@ def shell(line: str, tmp_path: Path, **more: str) -> subprocess.CompletedProcess
     )
 
 
+@pytest.mark.slow
 def test_output_that_nobody_reads(tmp_path: Path) -> None:
     done = shell(f"$PYTHON {VERB} | true", tmp_path)
     assert done.returncode == 141, done.stderr
     assert done.stderr == ""
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full: run it on Linux")
 def test_output_onto_a_full_disk(tmp_path: Path) -> None:
     done = shell(f"$PYTHON {VERB} > /dev/full", tmp_path)
@@ -61,16 +63,15 @@ def test_output_onto_a_full_disk(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr and "Exception" not in done.stderr
 
 
-@pytest.mark.parametrize(
-    "closed",
-    ["<&- >&- 2>&-", *(pytest.param(s, marks=pytest.mark.slow) for s in ("<&-", ">&-", "2>&-"))],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("closed", ["<&- >&- 2>&-", "<&-", ">&-", "2>&-"])
 def test_closed_streams(tmp_path: Path, closed: str) -> None:
     done = shell(f"$PYTHON {VERB} {closed}", tmp_path)
     assert done.returncode == 0
     assert done.stderr == ""
 
 
+@pytest.mark.slow
 def test_a_terminal_of_another_encoding(tmp_path: Path) -> None:
     program = "import sys; from graspcast.cli import main; sys.exit(main())"
     settings = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii", "TERM": "dumb"}

@@ -116,6 +116,7 @@ def test_without_httpx_the_pip_line_is_told(
     assert "pip install 'graspcast[fetch]'" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_killed_in_a_download_and_started_again(start: Start, tmp_path: Path) -> None:
     archive = {p.name: p.read_bytes() for p in mirror(tmp_path / "mirror").iterdir()}
     models = archive["lmo_models.zip"]
@@ -152,6 +153,7 @@ main(["fetch", "lmo-models", "--mirror", sys.argv[2]])
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL: run it on Linux or macOS")
 @pytest.mark.parametrize("at", ["unpack", "place", "receipt", "sweep"])
 def test_killed_at_any_step_and_started_again(tmp_path: Path, at: str) -> None:
@@ -173,6 +175,7 @@ def test_killed_at_any_step_and_started_again(tmp_path: Path, at: str) -> None:
     }
 
 
+@pytest.mark.slow
 def test_two_processes_at_once(start: Start, tmp_path: Path) -> None:
     archive = {p.name: p.read_bytes() for p in mirror(tmp_path / "mirror").iterdir()}
     with serving() as server:
@@ -185,6 +188,7 @@ def test_two_processes_at_once(start: Start, tmp_path: Path) -> None:
         assert sorted(path for path, _ in server.asked) == ["/lmo_base.zip", "/lmo_models.zip"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT: run it on Linux or macOS")
 def test_interrupted(start: Start, tmp_path: Path) -> None:
     with serving() as server:

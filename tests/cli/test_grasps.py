@@ -30,6 +30,7 @@ def test_outcomes_are_printed_and_the_sheet_is_written(
     assert out.stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_a_grasp_that_collides_at_the_true_pose_is_said_to(
     tmp_path: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -51,6 +52,7 @@ def test_a_grasp_that_collides_at_the_true_pose_is_said_to(
     assert "blocked" in out and "collides" not in err
 
 
+@pytest.mark.slow
 def test_every_grasp_of_an_object_is_drawn(
     tmp_path: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

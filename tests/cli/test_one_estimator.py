@@ -35,7 +35,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_train_scores_it_and_says_what_it_rests_on(
     root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    more = ("--folds", "3", "--json", str(tmp_path / "card.json"))
+    more = ("--folds", "2", "--json", str(tmp_path / "card.json"))
     assert main(world.train_command(root, tmp_path / "m.npz", *more)) == 0
     out, err = capsys.readouterr()
     assert "visibility, cross-validated scores" in out
@@ -138,6 +138,7 @@ def test_unknown_objects_and_poses_elsewhere_are_abstained_from(root: Path, tmp_
     assert rows["0", "1"]["verdict"] == "attempt"
 
 
+@pytest.mark.slow
 def test_a_consensus_is_not_touched_and_one_estimator_serves_where_asked(
     root: Path, tmp_path: Path
 ) -> None:

@@ -101,6 +101,7 @@ def test_estimates_of_other_images_verdicts_and_points_are_refused(
     assert not (world / "o.png").exists()
 
 
+@pytest.mark.slow
 def test_real_images_of_lmo(data_dir: Path, tmp_path: Path) -> None:
     published = data_dir / "published" / "lmo"
     names = {"epos": "epos_lmo-test.csv", "zebrapose": "zebrapose_lmo-test.csv"}

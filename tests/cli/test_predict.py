@@ -260,6 +260,7 @@ def test_disagreement_larger_than_in_training_is_always_abstained_from(
     assert len(p_values) <= 4
 
 
+@pytest.mark.slow
 def test_objects_not_in_training_stop_no_verdict_on_the_others(
     trained: Path, tmp_path: Path
 ) -> None:
@@ -275,6 +276,7 @@ def test_objects_not_in_training_stop_no_verdict_on_the_others(
             assert row["reason"] == "the model was not trained for made-2"
 
 
+@pytest.mark.slow
 def test_objects_without_a_model_stop_no_verdict_on_the_others(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -63,7 +63,7 @@ def test_shares_and_nothing_known_are_said_too(capsys: pytest.CaptureFixture[str
 
 def test_nothing_is_written_while_a_server_waits(capsys: pytest.CaptureFixture[str]) -> None:
     with running("view"), waiting():
-        time.sleep(0.2)
+        time.sleep(0.12)
     assert capsys.readouterr().err == ""
 
 
@@ -80,8 +80,10 @@ def test_the_inner_of_two_verbs_is_told(capsys: pytest.CaptureFixture[str]) -> N
 def test_every_verb_that_takes_longer_has_lines(
     verb: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setenv(INTERVAL, "0.005")
+
     def slow(self: argparse.ArgumentParser, arguments: object) -> argparse.Namespace:
-        return argparse.Namespace(verb=verb, run=lambda options: time.sleep(0.15))
+        return argparse.Namespace(verb=verb, run=lambda options: time.sleep(0.05))
 
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", slow)
     assert main([verb]) == 0
@@ -128,6 +130,7 @@ def test_without_standard_error_the_work_goes_on(monkeypatch: pytest.MonkeyPatch
         time.sleep(0.12)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     sys.platform == "win32", reason="needs a pseudo-terminal: run it on Linux or macOS"
 )

@@ -65,6 +65,7 @@ def test_grasps_of_a_file_are_tried_and_a_wrong_frame_is_refused(
     assert "GraspGen's frame" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_other_pairs_in_the_file_stay(tmp_path: Path) -> None:
     from cubes import ReferenceGrasp, write_grasps
     from graspcast.simulation.objects.types import Grasp

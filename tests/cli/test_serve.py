@@ -155,6 +155,7 @@ def test_what_judges_is_told(client: httpx.Client) -> None:
     assert (model["threshold"], model["guarantee"], told["records"]) == (0.5, None, True)
 
 
+@pytest.mark.slow
 def test_a_second_service_on_the_same_log_is_refused(service: Process, folder: Path) -> None:
     command = [sys.executable, *SERVE, "--log", str(folder / "attempts.log")]
     second = subprocess.run(command, capture_output=True, text=True, env=ENVIRONMENT)
@@ -163,8 +164,9 @@ def test_a_second_service_on_the_same_log_is_refused(service: Process, folder: P
     assert "Traceback" not in second.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "number", [pytest.param(signal.SIGTERM, marks=pytest.mark.slow), signal.SIGKILL]
+    "number", [signal.SIGTERM, signal.SIGKILL]
 )
 def test_no_acknowledged_outcome_is_lost(number: int, tmp_path: Path) -> None:
     """Stopped, and killed, while outcomes come in."""
@@ -230,7 +232,7 @@ def test_mutated_bodies_are_never_a_fault(client: httpx.Client) -> None:
     outcome = json.dumps({"decision_id": "a", "success": True, "reason": "b"}).encode()
     episode = client.post("/frames", content=whole, headers=JSON).json()["episode"]
     seen = set()
-    for _ in range(400):
+    for _ in range(200):
         path, body = rng.choice(
             (("/frames", whole), (f"/episodes/{episode}/looks", whole), ("/outcomes", outcome))
         )

@@ -144,6 +144,7 @@ def test_an_object_without_grasp_or_mesh_stops_no_trial_of_others(
     assert "made-2" in said
 
 
+@pytest.mark.slow
 def test_some_of_several_grasps_are_simulated(
     world: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

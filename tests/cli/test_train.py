@@ -70,7 +70,7 @@ def test_nothing_to_learn_from(trained: Path, capsys: pytest.CaptureFixture[str]
     assert not (trained / "none.npz").exists()
 
 
-@pytest.mark.parametrize("method", ["blend", "two-stage"])
+@pytest.mark.parametrize("method", ["blend", pytest.param("two-stage", marks=pytest.mark.slow)])
 def test_a_method_that_needs_ground_truth_is_refused_without_it(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], method: str
 ) -> None:

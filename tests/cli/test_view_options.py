@@ -63,7 +63,7 @@ def inputs(root: Path, names: tuple[str, ...] = NAMES) -> list[str]:
 
 def train(root: Path, out: Path, *more: str, names: tuple[str, ...] = NAMES) -> int:
     given = ["train", *inputs(root, names), "--principal", "a", "--gripper", "parallel"]
-    given += ["--outcomes", str(root / "outcomes.csv"), "--trees", "8", "--folds", "0"]
+    given += ["--outcomes", str(root / "outcomes.csv"), "--trees", "4", "--folds", "0"]
     return main([*given, "--out", str(out), *more])
 
 
@@ -234,6 +234,7 @@ def test_single_views_are_counted_once_where_camera_poses_are_missing(
     assert capsys.readouterr().err.count(said) == 1
 
 
+@pytest.mark.slow
 def test_a_model_without_views_says_so_where_the_fused_pose_should_guide(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -269,6 +270,7 @@ def test_one_estimator_is_enough_with_views(
             assert "mostly visibility; after a further look" in row["reason"]
 
 
+@pytest.mark.slow
 def test_what_does_not_fit_is_told(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -288,6 +290,7 @@ def test_what_does_not_fit_is_told(
     assert "does not forecast with several views" in refused([*given, "--method", "direct"], capsys)
 
 
+@pytest.mark.slow
 def test_one_estimator_learns_from_outcomes_of_others_and_needs_none_of_them(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -309,6 +312,7 @@ def test_one_estimator_learns_from_outcomes_of_others_and_needs_none_of_them(
     assert [r["probability"] for r in better] != [r["probability"] for r in plain]
 
 
+@pytest.mark.slow
 def test_an_instance_that_another_did_not_find_is_learned_from_all_the_same(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -316,7 +320,7 @@ def test_an_instance_that_another_did_not_find_is_learned_from_all_the_same(
     write_results(tmp_path / "c_d-test.csv", table.select(table.im_id > 0))
     given = ["train", *inputs(folder, ("a", "b"))]
     given += ["--estimates", f"c={tmp_path / 'c_d-test.csv'}", "--learn-from", "c"]
-    given += ["--principal", "a", "--gripper", "parallel", "--trees", "8", "--folds", "2"]
+    given += ["--principal", "a", "--gripper", "parallel", "--trees", "4", "--folds", "2"]
     given += ["--outcomes", str(folder / "outcomes.csv"), "--out", str(tmp_path / "m.npz")]
     assert main(given) == 0
     out, err = capsys.readouterr()

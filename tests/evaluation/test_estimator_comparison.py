@@ -21,7 +21,7 @@ from graspcast.evaluation.scores import score
 from poses import write_models
 from supporters import EstimatorWorld
 
-FORESTS = ForestSettings(trees=16, draws=16, folds=0)
+FORESTS = ForestSettings(trees=8, draws=16, folds=0)
 FAST: dict[str, Any] = {"folds": 3, "bootstrap": 100, "forests": FORESTS}
 
 

@@ -26,7 +26,7 @@ from graspcast.views.camera_motion import CameraMotion
 from looked_at import CAMERAS, Training, fused, training
 from synthetic import with_keys
 
-FAST: dict[str, Any] = {"folds": 2, "forests": ForestSettings(trees=12, draws=16, folds=0)}
+FAST: dict[str, Any] = {"folds": 2, "forests": ForestSettings(trees=6, draws=16, folds=0)}
 
 
 @pytest.fixture(scope="module")

@@ -123,7 +123,7 @@ def test_explanations_of_real_forecasters_are_differences_of_their_forecasts(
     forecaster = train_forecaster(
         synthetic.training_data(120),
         method=method,
-        forests=ForestSettings(trees=16, folds=0),
+        forests=ForestSettings(trees=8, folds=0),
         settings=NetworkSettings(members=1, optimiser=MlpSettings(epochs=50)),
         models=models,
     )

@@ -21,7 +21,7 @@ from graspcast.forecasting.train import fit_forecaster
 from graspcast.forecasting.training_data import TrainingData
 from poses import write_models
 
-SMALL = ForestSettings(trees=24, draws=32, folds=3)
+SMALL = ForestSettings(trees=8, draws=16, folds=2)
 NAMES = {"reference", "g1", "g2"}
 
 

@@ -24,7 +24,7 @@ from graspcast.forecasting.view_data import view_data
 from looked_at import CAMERAS, Training, fused, training
 from viewed import SMALL, benchmark
 
-QUICK = ForestSettings(trees=12, folds=2, draws=32)
+QUICK = ForestSettings(trees=6, folds=2, draws=16)
 
 
 @pytest.fixture(scope="module")
@@ -151,7 +151,7 @@ def test_instances_without_its_estimate_stay(given: Training) -> None:
 
 
 def test_scores_are_of_models_that_learned_nothing_of_the_tested_scenes(given: Training) -> None:
-    how = {"models": given.models, "folds": 2, "forests": ForestSettings(trees=8, folds=0)}
+    how = {"models": given.models, "folds": 2, "forests": ForestSettings(trees=4, folds=0)}
     data = given.data.learning_from("b", "c")
     single, several = cross_validated_with_views(data, **how)  # type: ignore[arg-type]
     assert np.isfinite(single).all() and np.isfinite(several).all()

@@ -20,7 +20,7 @@ from graspcast.forecasting.training_data import TrainingData
 from graspcast.io.arrays import read_arrays, write_arrays
 from looked_at import CAMERAS, Training, fused, training
 
-QUICK = ForestSettings(trees=16, folds=3)
+QUICK = ForestSettings(trees=8, folds=2)
 FIT = ("fit_a", "fit_b")
 
 

@@ -31,7 +31,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
     given = training(tmp_path_factory.mktemp("views"))
     other = np.where(given.data.objects == "d-1", 1 - given.data.success, np.nan)
     data = replace(given.data, others={"top": other})
-    settings = ForestSettings(trees=20, folds=2)
+    settings = ForestSettings(trees=8, folds=2)
     forecaster = fit_forecaster(data, models=given.models, forests=settings)
     return World(forecaster, given.models, fused(given.results, given.models, given.motion))
 

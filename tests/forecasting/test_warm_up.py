@@ -17,7 +17,7 @@ from graspcast.forecasting.models.blend import ForestSettings
 from graspcast.forecasting.train import train_forecaster
 from poses import write_models
 
-SMALL = ForestSettings(trees=8, draws=8, folds=2)
+SMALL = ForestSettings(trees=4, draws=8, folds=2)
 
 FIRST_VERDICT = """
 import sys

@@ -69,6 +69,7 @@ def test_treating_trials_as_units_certifies_too_often() -> None:
     assert false_share(world, 300, "attempt", naive=True) > margin(300)
 
 
+@pytest.mark.slow
 def test_weighting_scenes_equally_guarantees_less() -> None:
     # Where scenes mislead the forecaster, attempts are most in the scenes that fail.
     assert false_share(World(100, 5, mislead=1.5), 300, "unit") > margin(300)
@@ -98,6 +99,7 @@ def test_a_useful_threshold_is_found_where_there_is_one() -> None:
     assert np.mean(attempts) > 0.8 * truth.best_attempts(0.9)
 
 
+@pytest.mark.slow
 def test_simultaneous_guarantees_hold_together() -> None:
     truth = ALONE.truth(trials=100_000)
     bad = at(float(truth.descending[np.flatnonzero(truth.rates < 0.9)[1000]]))

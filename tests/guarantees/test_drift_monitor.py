@@ -154,6 +154,7 @@ def test_resuming_from_a_file_changes_nothing(
     assert resumed == straight
 
 
+@pytest.mark.slow
 def test_a_killed_process_leaves_a_complete_state(tmp_path: Path) -> None:
     path = tmp_path / "m.json"
     code = (

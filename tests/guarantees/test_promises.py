@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from graspcast.guarantees.certify import certify
@@ -24,10 +24,15 @@ def margin(worlds: int) -> float:
 
 @pytest.mark.parametrize(
     "world",
-    [World(10, 20), World(10, 20, scene=3.0, alike=1.0), World(22, 10, over=1.8), World(60, 4)],
+    [
+        World(10, 20),
+        pytest.param(World(10, 20, scene=3.0, alike=1.0), marks=pytest.mark.slow),
+        pytest.param(World(22, 10, over=1.8), marks=pytest.mark.slow),
+        pytest.param(World(60, 4), marks=pytest.mark.slow),
+    ],
     ids=["10 x 20", "repeats", "overconfident", "60 x 4"],
 )
-@pytest.mark.parametrize("learn", [False, True])
+@pytest.mark.parametrize("learn", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_what_is_promised_in_the_end_holds(world: World, learn: bool) -> None:
     truth, runs = world.truth(trials=100_000), 200
     false = none = 0
@@ -105,6 +110,7 @@ def test_had_it_been_asked_for_it_would_have_been_certified(seed: int) -> None:
     assert (found.possible_confidence >= 0.9) == (found.threshold is not None)
 
 
+@settings(max_examples=40)
 @given(seeds)
 def test_accepting_less_changes_nothing_where_what_was_asked_for_holds(seed: int) -> None:
     data = drawn(World(150, 2), seed)

@@ -51,6 +51,7 @@ def test_machine_code_is_kept(tmp_path: Path) -> None:
     assert list((tmp_path / "cache").rglob("*.nbi"))
 
 
+@pytest.mark.slow
 def test_what_a_killed_process_left_is_removed_with_the_next_write(tmp_path: Path) -> None:
     pytest.importorskip("fcntl", reason="needs locks of POSIX: run it on Linux or macOS")
     script, cache = tmp_path / "script.py", tmp_path / "cache"
@@ -72,6 +73,7 @@ os.fsync = lambda handle: os.kill(os.getpid(), signal.SIGKILL)
     assert not [p for p in cache.rglob("*") if ".tmp" in p.name]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     not Path("/proc").is_dir(),
     reason="needs a directory that nobody may write, /proc: run it on Linux",
@@ -85,6 +87,7 @@ def test_where_nothing_can_be_cached_it_is_compiled_all_the_same(tmp_path: Path)
     assert run(script, NUMBA_CACHE_DIR="/proc/none", HOME="/proc/none") == "42"
 
 
+@pytest.mark.slow
 def test_a_full_disk_does_not_matter(tmp_path: Path) -> None:
     resource = pytest.importorskip(
         "resource", reason="limits of processes are POSIX: run it on Linux"

@@ -161,8 +161,8 @@ def test_a_command_that_hangs_is_ended_with_its_children(
 ) -> None:
     """Deaf ones ignore being asked to end."""
     folder, note = boxes.parent / "results", boxes.with_name("note.json")
-    with pytest.raises(EstimatorFailedError, match="timed out after 5 s") as caught:
-        run(python, dataset, boxes, folder / "out.csv", how, note, timeout_s=5.0)
+    with pytest.raises(EstimatorFailedError, match="timed out after 3 s") as caught:
+        run(python, dataset, boxes, folder / "out.csv", how, note, timeout_s=3.0)
     said = json.loads(note.read_text())
     assert ends(said["child"])
     assert not Path(said["out"]).exists()
@@ -170,6 +170,7 @@ def test_a_command_that_hangs_is_ended_with_its_children(
     assert "estimating image 1 of 2" in str(caught.value)
 
 
+@pytest.mark.slow
 @posix
 def test_what_a_command_leaves_running_is_ended(
     python: Path, dataset: BopDataset, boxes: Path
@@ -194,6 +195,7 @@ def test_what_a_command_leaves_running_is_ended(
     assert lines == ["estimating image 1 of 2"]
 
 
+@pytest.mark.slow
 @posix
 @pytest.mark.parametrize(
     ("number", "code", "says"),

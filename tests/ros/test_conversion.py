@@ -56,8 +56,23 @@ def put_image(bag: bags.Bag, suffix: str, image: int, names=NAMES) -> None:
         bag.detect(TOPICS[name], ros.detections(time_s, *found), time_s + 0.1 + 0.01 * k)
 
 
-def written(folder: Path, suffix: str, **options) -> Path:
-    """A bag of some images, with a topic of no interest in it."""
+def written(folder: Path, suffix: str) -> Path:
+    """A bag of some images, with a topic of no interest in it; the same bytes every time."""
+    if suffix not in _WRITTEN:
+        made = written_with(folder, suffix)
+        files = [made] if made.is_file() else sorted(made.iterdir())
+        _WRITTEN[suffix] = {p.relative_to(folder).as_posix(): p.read_bytes() for p in files}
+        return made
+    for name, content in _WRITTEN[suffix].items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_bytes(content)
+    return folder / next(iter(_WRITTEN[suffix])).partition("/")[0]
+
+
+_WRITTEN: dict[str, dict[str, bytes]] = {}
+
+
+def written_with(folder: Path, suffix: str, **options) -> Path:
     path = folder / ("in.bag" if suffix == "bag" else f"in_{suffix}")
     with bags.Bag(path, suffix, **options) as bag:
         for image in range(IMAGES):
@@ -178,10 +193,10 @@ def test_compressed_bags_are_read(tmp_path, watcher):
     for k, mode in enumerate((CompressionMode.FILE, CompressionMode.MESSAGE)):
         (folder := tmp_path / str(k)).mkdir()
         zstd = {"set_compression": (mode, CompressionFormat.ZSTD)}
-        path = written(folder, "db3", **zstd)
+        path = written_with(folder, "db3", **zstd)
         done = convert_bag(path, folder / "out", watcher, TOPICS, settings("db3"))
         assert done.judged == IMAGES
-    path = written(tmp_path, "bag", **lz4)
+    path = written_with(tmp_path, "bag", **lz4)
     assert convert_bag(path, tmp_path / "o.bag", watcher, TOPICS, settings("bag")).judged == IMAGES
 
 

@@ -66,15 +66,15 @@ def asking(service: Process, count: int) -> Iterator[list[int]]:
     for thread in threads:
         thread.start()
     while accepted(service) < count:
-        time.sleep(0.05)
+        time.sleep(0.01)
     yield statuses
     for thread in threads:
         thread.join()
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
 def test_a_stop_answers_what_was_accepted(tmp_path: Path, number: int) -> None:
-    with running(stub(0.5, batch=4), tmp_path) as service:
+    with running(stub(0.25, batch=4), tmp_path) as service:
         with asking(service, 8) as statuses:
             service.process.send_signal(number)
         assert statuses == 8 * [200]
@@ -84,11 +84,12 @@ def test_a_stop_answers_what_was_accepted(tmp_path: Path, number: int) -> None:
         assert service.log()[-1]["event"] == "stopped"
 
 
+@pytest.mark.slow
 def test_a_second_signal_does_not_wait(tmp_path: Path) -> None:
     with running(stub(30.0), tmp_path) as service:
         with asking(service, 1) as statuses:
             service.process.send_signal(signal.SIGINT)
-            time.sleep(0.3)
+            time.sleep(0.1)
             service.process.send_signal(signal.SIGINT)
             service.process.wait(timeout=20)
         assert statuses[0] in (0, 500)

@@ -21,7 +21,7 @@ from graspcast.forecasting.train import train_forecaster
 from graspcast.forecasting.training_data import TrainingData
 from poses import write_models
 
-QUICK = ForestSettings(trees=24, draws=32, folds=3)
+QUICK = ForestSettings(trees=8, draws=16, folds=2)
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from graspcast.forecasting.models.growing import grow_blends
 from graspcast.forecasting.models.targets import Targets
 from looked_at import Training, training
 
-SETTINGS = ForestSettings(trees=12, folds=3, draws=32)
+SETTINGS = ForestSettings(trees=6, folds=2, draws=16)
 TARGETS = Targets.of_objects(("d-1", "d-2"))
 
 

@@ -17,7 +17,7 @@ from graspcast.forecasting.models.visibility_settings import VisibilitySettings
 from graspcast.forecasting.visibility_features import visibility_features
 from poses import random_poses
 
-QUICK = VisibilitySettings(trees=32)
+QUICK = VisibilitySettings(trees=10)
 
 
 class World:
@@ -174,14 +174,15 @@ def test_untried_and_unseen_instances_make_no_difference(world: World) -> None:
     assert_array_equal(a, b)
 
 
-def test_the_same_data_give_the_same_model(world: World, model: Visibility) -> None:
-    again = world.fit().probability(world.features.values, world.numbers)
-    assert_array_equal(again, model.probability(world.features.values, world.numbers))
+@pytest.fixture(scope="module")
+def of_three(world: World) -> Visibility:
+    """A model of three objects, of whose third there are no outcomes."""
+    return world.fit(objects=3)
 
 
 @pytest.mark.parametrize("number", [-1, 2, 5])
-def test_an_unseen_object_is_refused(world: World, number: int) -> None:
-    model = world.fit(objects=3)  # of the third there are no outcomes
+def test_an_unseen_object_is_refused(world: World, of_three: Visibility, number: int) -> None:
+    model = of_three
     with pytest.raises(MismatchError, match="object without outcomes"):
         model.probability(world.features.values[:2], np.array([0, number]))
 
@@ -197,11 +198,15 @@ def test_equal_outcomes_teach_nothing(world: World, success: float) -> None:
         world.fit(success=np.full(600, success))
 
 
-def test_progress_ends_at_one(world: World) -> None:
+def test_the_same_data_give_the_same_model_and_progress_ends_at_one(
+    world: World, model: Visibility
+) -> None:
     shares: list[float] = []
-    world.fit(progress=lambda share, _: shares.append(share))
+    again = world.fit(progress=lambda share, _: shares.append(share))
     assert shares[-1] == 1
     assert shares == sorted(shares)
+    rows = world.features.values, world.numbers
+    assert_array_equal(again.probability(*rows), model.probability(*rows))
 
 
 def test_a_model_survives_being_saved(world: World, model: Visibility) -> None:

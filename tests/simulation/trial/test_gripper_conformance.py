@@ -12,7 +12,7 @@ import pytest
 
 from graspcast.pose.transforms import rotation_from_vector, transform
 from graspcast.simulation.engine import mujoco
-from graspcast.simulation.grippers import GRIPPERS, FrankaHand, load_gripper
+from graspcast.simulation.grippers import FrankaHand, load_gripper
 from graspcast.simulation.grippers.protocol import Closing
 from graspcast.simulation.mujoco_version import release_of
 from graspcast.simulation.trial.gripper_conformance import check_gripper
@@ -21,7 +21,11 @@ from jaws import Y, write_jaws
 THREE_JAW = Path(__file__).parents[2] / "data" / "three_jaw.toml"
 
 
-@pytest.mark.parametrize("name", [*GRIPPERS, THREE_JAW], ids=str)
+def slow(*values: object) -> Any:
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("name", ["parallel", slow("underactuated"), slow(THREE_JAW)], ids=str)
 def test_the_built_in_hands_and_a_foreign_one_pass(name: str | Path) -> None:
     report = check_gripper(load_gripper(name))
     assert report.passed, str(report)
@@ -128,16 +132,16 @@ _BACKWARDS = _TCP @ np.diag([1.0, -1.0, -1.0, 1.0])
         ("compiles", {"spec": model(two_roots)}, "one root body"),
         ("actuators", {"closing": Closing({"motor": 1.0}, {"motor": 0.0}, 1.0)}, "fingers"),
         ("touches", {"spec": model(no_contact)}, "no geom collides"),
-        ("opens", {"spec": model(undamped)}, "damping"),
+        slow("opens", {"spec": model(undamped)}, "damping"),
         ("opens", {"spec": model(explosive)}, "unstable within 1 s"),
         ("closes", {"closing": Closing({"fingers": 0.08}, {"fingers": 0.08}, 1.0)}, "no joint"),
         ("compiles", {"max_opening_m": 80.0}, "is it in millimetres (80 mm)"),
         ("actuators", {"spec": model(unnamed)}, "has no name"),
         ("aligned", {"base_T_tcp": _QUARTER}, "along y of the TCP, not along x"),
-        ("aligned", {"base_T_tcp": _OBLIQUE}, "at 45° to x of the TCP"),
-        ("aligned", {"base_T_tcp": _SIDEWAYS}, "along z of the TCP"),
-        ("aligned", {"base_T_tcp": _BACKWARDS}, "z of the TCP is 180° off"),
-        (
+        slow("aligned", {"base_T_tcp": _OBLIQUE}, "at 45° to x of the TCP"),
+        slow("aligned", {"base_T_tcp": _SIDEWAYS}, "along z of the TCP"),
+        slow("aligned", {"base_T_tcp": _BACKWARDS}, "z of the TCP is 180° off"),
+        slow(
             "centred",
             {"base_T_tcp": _OFF},
             "the gap between the fingers is 10.0 mm off",
@@ -147,9 +151,9 @@ _BACKWARDS = _TCP @ np.diag([1.0, -1.0, -1.0, 1.0])
             {"spec": model(weak)},
             "weak grip: the fingers press with 0.3 N a side, and 1.8 N are needed",
         ),
-        ("solid", {"spec": model(crushing)}, "limit its actuators"),
-        ("drops", {"spec": model(unlimited)}, "force limit"),
-        ("repeats", {"spec": model(drifting)}, "depend on anything"),
+        slow("solid", {"spec": model(crushing)}, "limit its actuators"),
+        slow("drops", {"spec": model(unlimited)}, "force limit"),
+        slow("repeats", {"spec": model(drifting)}, "depend on anything"),
     ],
 )
 def test_a_broken_gripper_fails_at_the_check_that_names_its_fault(
@@ -185,6 +189,7 @@ def test_the_force_of_the_fingers_is_that_of_the_drive() -> None:
     assert f"the fingers press with {report.measured.grip_n:.1f} N a side" in holds.detail
 
 
+@pytest.mark.slow
 def test_a_servo_that_does_not_saturate_presses_as_its_stiffness_says(tmp_path: Path) -> None:
     report = check_gripper(load_gripper(write_jaws(tmp_path, kp=60, damping=6)))
     (holds,) = report.failures
@@ -195,6 +200,7 @@ def test_a_servo_that_does_not_saturate_presses_as_its_stiffness_says(tmp_path: 
     assert report.measured.grip_n == pytest.approx(60 * 0.0215, rel=0.02)
 
 
+@pytest.mark.slow
 def test_what_does_not_depend_on_the_tcp_is_checked_with_the_measured_one(tmp_path: Path) -> None:
     report = check_gripper(load_gripper(write_jaws(tmp_path, quat=Y, x=0.02)))
     assert [c.name for c in report.failures] == ["aligned", "centred"], str(report)
@@ -203,6 +209,7 @@ def test_what_does_not_depend_on_the_tcp_is_checked_with_the_measured_one(tmp_pa
     assert "40.0 N a side, with the measured TCP" in holds.detail
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     release_of(mujoco.__version__) < (3, 12), reason="MuJoCo before 3.12 makes no such remark"
 )
