@@ -42,3 +42,7 @@ def test_shares_of_the_image() -> None:
     with pytest.raises(FormatError, match=r"are they shares of the image\?"):
         check_convention(CORNERS / 100, None, "f")
     assert check_convention(np.empty((0, 4)), (96, 64), "f") == ()
+
+
+def test_boxes_of_images_of_unknown_size_are_taken_as_they_are() -> None:
+    assert check_convention(CORNERS, None, "f") == ()

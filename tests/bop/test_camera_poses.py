@@ -51,3 +51,8 @@ def test_no_folder_and_two_of_one_scene(tmp_path: Path) -> None:
         write(tmp_path, {"cam_R_w2c": EYE, "cam_t_w2c": [0, 0, 0]}, folder)
     with pytest.raises(FormatError, match="another folder is scene 1 too"):
         read_scene_camera_poses(tmp_path)
+
+
+def test_images_without_a_pose_are_left_out(tmp_path: Path) -> None:
+    entry = {"cam_K": [400, 0, 200, 0, 300, 150, 0, 0, 1]}
+    assert read_scene_camera_poses(write(tmp_path, entry)) == {}

@@ -111,3 +111,20 @@ def test_intrinsics_are_held_against_the_size_of_their_image(tmp_path: Path) -> 
     assert BopDataset(tmp_path).camera_of(2, 3).K[0, 2] == 480
     assert len(BopDataset(tmp_path).scene_cameras) == len(IMAGES)
     assert np.isfinite(BopDataset(tmp_path).camera.K).all()
+
+
+def test_a_common_camera_that_cannot_be_one_is_refused(tmp_path: Path) -> None:
+    write_dataset(tmp_path)
+    write_camera(tmp_path / "camera.json", 1.2)
+    with pytest.raises(FormatError, match=r"camera\.json: has focal lengths 1\.2 .* not in pixels"):
+        BopDataset(tmp_path).camera  # noqa: B018
+
+
+def test_sizes_of_images_are_their_files_where_they_can_be_read(tmp_path: Path) -> None:
+    write_dataset(tmp_path)
+    wide = write_image(tmp_path / "test" / "000001" / "rgb" / "000003.png", size=(192, 128))
+    assert BopDataset(tmp_path).size_of(1, 3) == (192, 128)
+    wide.write_bytes(b"no image")
+    assert BopDataset(tmp_path).size_of(1, 3) == SIZE
+    without_own(tmp_path)
+    assert BopDataset(tmp_path).size_of(1, 3) == SIZE

@@ -110,3 +110,12 @@ def test_splits_and_models_of_other_names_are_named(tmp_path: Path) -> None:
     (made.root / "models").rename(made.root / "models_v2")
     with pytest.raises(InputError, match=r"no models/models_info.json here; there is models_v2;"):
         _ = BopDataset(made.root).models
+
+
+def test_ground_truth_is_read_where_a_camera_is_wrong(tmp_path: Path) -> None:
+    dataset = write_dataset(tmp_path)
+    camera = dataset.root / "test" / "000002" / "scene_camera.json"
+    camera.write_text(json.dumps({"3": {"cam_K": [0] * 9}}))
+    assert len(BopDataset(tmp_path).ground_truth.obj_id) == 6
+    with pytest.raises(GraspcastError, match=r"scene_camera\.json"):
+        BopDataset(tmp_path).camera_of(2, 3)

@@ -10,7 +10,7 @@ from PIL import Image
 
 from bop_images import IMAGES, SIZE, write_dataset, write_image
 from graspcast.bop.dataset import BopDataset
-from graspcast.bop.images import read_image
+from graspcast.bop.images import read_image, read_image_size
 from graspcast.errors import FormatError, InputError
 
 
@@ -113,3 +113,28 @@ def test_a_large_image_is_no_warning(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert read_image(tmp_path / "12.png").shape == (12, 12, 3)
     with pytest.raises(FormatError, match="is too large an image"):
         read_image(tmp_path / "20.png")
+
+
+def test_what_is_no_scene_and_no_image_is_left_out(tmp_path: Path) -> None:
+    write_dataset(tmp_path)
+    write_image(tmp_path / "test" / "notes" / "rgb" / "3.png")
+    (tmp_path / "test" / "000001" / "rgb" / "thumbs.db").write_text("")
+    (tmp_path / "test" / "000001" / "rgb" / "4.txt").write_text("")
+    assert tuple(sorted(BopDataset(tmp_path).images)) == IMAGES
+
+
+def test_images_are_turned_as_their_exif_says(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = write_image(tmp_path / "a.png")
+    upright = read_image(path)
+    with Image.open(path) as image:
+        exif = image.getexif()
+        exif[0x0112] = 6  # to be turned by a quarter, clockwise
+        image.save(tmp_path / "turned.png", exif=exif)
+    turned = read_image(tmp_path / "turned.png")
+    np.testing.assert_array_equal(turned, np.rot90(upright, -1))
+    assert read_image_size(tmp_path / "turned.png") == (SIZE[1], SIZE[0])
+    assert "images are turned as their EXIF says" in caplog.text
+    with pytest.raises(FormatError, match="64 x 96 pixels, turned as its EXIF orientation 6 says"):
+        read_image(tmp_path / "turned.png", size=SIZE)

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
-from graspcast.bop.meshes import Mesh, read_coloured_mesh, read_mesh
+from graspcast.bop.meshes import Mesh, read_coloured_mesh, read_mesh, write_mesh
 from graspcast.errors import FormatError
 from poses import write_models
 
@@ -97,3 +97,24 @@ def test_points_are_the_vertices_laid_out_for_compiled_loops() -> None:
     mesh = Mesh(np.random.default_rng(0).normal(size=(20, 3)), np.empty((0, 3), np.int64))
     assert_array_equal(mesh.points, mesh.vertices)
     assert mesh.points.T.flags.c_contiguous
+
+
+def test_meshes_without_vertices_or_with_faces_beyond_them_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "m.ply"
+    corners = np.array([[0.0, 0, 0], [50, 0, 0], [0, 50, 0]])
+    binary_ply(path, corners, np.array([[0, 1, 3]]))
+    with pytest.raises(FormatError, match="a face refers to a vertex beyond the 3 there are"):
+        read_mesh(path)
+    corners[1, 1] = np.nan
+    binary_ply(path, corners, np.array([[0, 1, 2]]))
+    with pytest.raises(FormatError, match="has no vertices, or some that are not finite numbers"):
+        read_mesh(path)
+
+
+def test_a_mesh_that_is_written_is_read_again(tmp_path: Path) -> None:
+    corners = np.array([[0.0, 0, 0], [0.05, 0, 0], [0, 0.05, 0]])
+    colours = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], np.uint8)
+    write_mesh(tmp_path / "m.ply", Mesh(corners, np.array([[0, 1, 2]])), colours)
+    mesh, painted = read_coloured_mesh(tmp_path / "m.ply")
+    assert_allclose(mesh.vertices, corners, atol=1e-9)
+    assert_array_equal(painted, colours)

@@ -160,3 +160,29 @@ def test_vertices_of_no_face_are_left_out_where_the_bounds_say_so(
     path.write_bytes(box.export(file_type="ply"))
     with pytest.raises(FormatError, match="the mesh's longest side is 100 m"):
         Models(folder).mesh(1)
+
+
+def test_symmetries_that_are_no_lists_or_move_the_object_are_named(tmp_path: Path) -> None:
+    for key in ("symmetries_discrete", "symmetries_continuous"):
+        write_models(tmp_path, obj_1={key: {}})
+        with pytest.raises(FormatError, match=rf"object 1, {key}: should be a list"):
+            Models(tmp_path)
+    away = [-1, 0, 0, 900, 0, -1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    write_models(tmp_path, obj_1={"symmetries_discrete": [away]})
+    with pytest.raises(FormatError, match=r"symmetries_discrete: moves the object's centre by"):
+        Models(tmp_path)
+
+
+def test_objects_that_no_hand_grasps_are_named(tmp_path: Path) -> None:
+    large = {f"{key}_{a}": v for a in "xyz" for key, v in (("min", -50000), ("size", 100000))}
+    write_models(tmp_path, obj_1=large | {"diameter": 173205.0})
+    with pytest.raises(FormatError, match=r"the median diameter is 173 m, but a hand grasps"):
+        read_models_info(tmp_path / "models_info.json")
+
+
+def test_one_mesh_is_compared_once(tmp_path: Path) -> None:
+    models = Models(write_models(tmp_path, obj_1={}))
+    models.check_a_mesh()
+    (tmp_path / "obj_000001.ply").write_text("no mesh any more")
+    models.check_a_mesh()
+    assert models.lengths.endswith("1 mesh agrees)")

@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from graspcast.bop.object_transforms import parse_object_transform, read_object_transforms
+from graspcast.bop.object_transforms import (
+    is_file,
+    parse_object_transform,
+    read_object_transforms,
+)
 from graspcast.errors import FormatError
 from pose_files import write_json
 
@@ -62,3 +66,14 @@ def test_what_is_no_transform(tmp_path: Path, content: Any, says: str) -> None:
 def test_a_rotation_may_leave_a_short_translation() -> None:
     T = parse_object_transform("0 -1 0 0.0002 1 0 0 0 0 0 1 0 0 0 0 1", "text")
     assert_allclose(T[:3, 3], [0.0002, 0, 0])
+
+
+def test_an_object_in_a_matrix_s_place_is_refused() -> None:
+    with pytest.raises(FormatError, match="T, object 5: should be a 4x4 matrix"):
+        parse_object_transform({"transform": MOVED}, "T", where="object 5")
+
+
+def test_a_matrix_is_told_from_a_file_s_name(tmp_path: Path) -> None:
+    assert is_file("T.json") and is_file("T.JSON.GZ") and not is_file("1 0 0 0")
+    (tmp_path / "T").write_text("")
+    assert is_file(str(tmp_path / "T"))

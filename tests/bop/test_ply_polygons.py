@@ -65,3 +65,22 @@ def test_what_cannot_be_rewritten_is_refused(tmp_path: Path) -> None:
         (tmp_path / "m.ply").write_bytes(content)
         with pytest.raises(FormatError, match=r"m\.ply"):
             read_mesh(tmp_path / "m.ply")
+
+
+def header(*lines: str) -> bytes:
+    text = ("ply", "format binary_little_endian 1.0", *lines, "end_header\n")
+    return "\n".join(text).encode()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        header("element vertex 5", "property float x") + bytes(8),  # ends too early
+        header("element strip 1", "property list uchar int corners") + bytes(1),
+        header("element vertex 1", "property float x") + bytes(4),  # no faces
+        header("element face 1", "property list char int vertex_indices") + b"\xff",
+        header("element vertex -1", "property float x"),
+    ],
+)
+def test_elements_that_cannot_be_rewritten(content: bytes) -> None:
+    assert with_triangles(content) is None

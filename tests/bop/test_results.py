@@ -289,3 +289,21 @@ def test_objects_behind_the_camera_are_refused(tmp_path: Path) -> None:
     ):
         read_results(tmp_path / "a_lmo-test.csv")
     assert len(read_results(tmp_path / "a_lmo-test.csv", lenient=True)) == 5
+
+
+def test_columns_that_do_not_fit_each_other_are_named(some: Results) -> None:
+    with pytest.raises(FormatError, match=r"cam_T_obj should be an array of numbers of shape \(7,"):
+        replace(some, cam_T_obj=some.cam_T_obj[:3])
+    with pytest.raises(FormatError, match="obj_id should be an array of integers"):
+        replace(some, obj_id=some.obj_id * 1.5)
+    with pytest.raises(FormatError, match="a score is not a finite number"):
+        replace(some, score=np.where(some.im_id == 3, np.nan, some.score))
+
+
+@pytest.mark.parametrize("table", [5, [1, 2], "scene_id"])
+def test_what_is_no_table_is_refused(table: Any) -> None:
+    kind = type(table).__name__
+    with pytest.raises(
+        FormatError, match=f"should be a DataFrame, or a dict of columns, not {kind}"
+    ):
+        Results.from_frame(table)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import gzip
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from graspcast.bop.results import read_results
+from graspcast.bop.results_csv import is_results_csv
 from graspcast.errors import FormatError
 from poses import ROW, write_csv
 
@@ -55,3 +57,17 @@ def test_a_compressed_file_is_unpacked(tmp_path: Path) -> None:
     packed = tmp_path / "r.csv.gz"
     packed.write_bytes(gzip.compress(path.read_bytes()))
     assert_array_equal(read_results(packed).cam_T_obj, read_results(path).cam_T_obj)
+
+
+def test_what_cannot_be_parsed_as_csv_is_named_by_its_reader(tmp_path: Path) -> None:
+    long = "1" * (csv.field_size_limit() + 1)
+    assert is_results_csv(long)
+    (tmp_path / "r.csv").write_text(long)
+    with pytest.raises(FormatError, match=r"r\.csv.*is not a CSV file"):
+        read_results(tmp_path / "r.csv")
+
+
+def test_a_results_csv_is_known_by_its_first_line() -> None:
+    assert is_results_csv(f"scene_id, im_id\n{ROW}")
+    assert is_results_csv(ROW)
+    assert not is_results_csv("a,b\n1,2\n")

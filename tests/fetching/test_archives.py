@@ -206,3 +206,21 @@ def test_permissions_are_not_taken_over(tmp_path: Path) -> None:
 def test_a_full_disk_is_told_before(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="are free"):
         open_up(tmp_path, zipped(MODELS), spare_bytes=10**18)
+
+
+def test_the_folder_of_the_root_itself_is_nothing(tmp_path: Path) -> None:
+    folder = tarfile.TarInfo("r-1")
+    folder.type = tarfile.DIRTYPE
+    found = open_up(tmp_path, tarred(folder, ("r-1/a", b"1")), "tar.gz", root="*")
+    assert set(found.files) == {"a"}
+
+
+def test_a_sparse_file_in_tar(tmp_path: Path) -> None:
+    """A few bytes that would be written as a gigabyte of zeros."""
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode="w:gz", format=tarfile.PAX_FORMAT) as archive:
+        info = tarfile.TarInfo("lmo/a")
+        info.pax_headers = {"GNU.sparse.map": "0,1", "GNU.sparse.size": str(2**30)}
+        info.size = 1
+        archive.addfile(info, io.BytesIO(b"1"))
+    assert "the member 'lmo/a': is a sparse file" in refusal(tmp_path, out.getvalue(), "tar.gz")

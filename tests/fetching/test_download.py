@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import httpx
 import pytest
 
 from download_server import Handler, Reply, Server, cut, gzipped, raw, stalled, status, whole
@@ -272,3 +273,83 @@ def test_a_proxy_is_asked(
         arrived=lambda *_: None,
     )
     assert got.path.read_bytes() == CONTENT
+
+
+def test_what_another_process_has_downloaded_meanwhile_is_taken(
+    load: Load, server: Server, tmp_path: Path
+) -> None:
+    first = load(whole(CONTENT))
+    asked = len(server.asked)
+    again = download(
+        f"{server.url}/a.zip",
+        tmp_path / "a.zip",
+        most_bytes=10**6,
+        limits=Limits(),
+        arrived=lambda *_: None,
+    )
+    assert again == first and len(server.asked) == asked
+
+
+def test_a_rest_that_is_longer_than_it_should_be_is_not_kept(load: Load) -> None:
+    file = CONTENT[:5000]
+
+    def too_much(to: Handler) -> None:
+        to.head(206, ETag='"v1"', Content_Range="bytes 4000-4999/5000")
+        to.wfile.write(OTHER[4000:])
+
+    assert load(cut(file, 4000), too_much, whole(file)).path.read_bytes() == file
+
+
+def test_a_mirror_s_file_that_cannot_be_read_is_named(
+    tmp_path: Path, limits: Limits, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = tmp_path / "mirror.zip"
+    source.write_bytes(CONTENT)
+    real = Path.open
+
+    def refuse(path: Path, *arguments: object, **named: object) -> object:
+        if path == source:  # as for others than root
+            raise PermissionError(13, "Permission denied")
+        return real(path, *arguments, **named)  # type: ignore[call-overload]
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(DownloadError, match=r"mirror\.zip: cannot be read \(Permission denied\)"):
+        download(
+            source.as_uri(),
+            tmp_path / "a.zip",
+            most_bytes=10**6,
+            limits=limits,
+            arrived=lambda *_: None,
+        )
+
+
+def test_an_address_that_is_none_is_named(tmp_path: Path, limits: Limits) -> None:
+    with pytest.raises(DownloadError, match="an address that cannot be read: Invalid port: 'x'"):
+        download(
+            "http://host:x/a.zip",
+            tmp_path / "a.zip",
+            most_bytes=1,
+            limits=limits,
+            arrived=lambda *_: None,
+        )
+
+
+def test_a_certificate_that_is_not_trusted_is_an_error_at_once(
+    tmp_path: Path, limits: Limits, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    attempts = []
+
+    def refuse(self: httpx.Client, *_: object, **__: object) -> object:
+        attempts.append(1)
+        raise httpx.ConnectError("[SSL: CERTIFICATE_VERIFY_FAILED] self-signed certificate")
+
+    monkeypatch.setattr(httpx.Client, "stream", refuse)
+    with pytest.raises(DownloadError, match=r"certificate is not trusted .*; SSL_CERT_FILE names"):
+        download(
+            "https://far.invalid/a.zip",
+            tmp_path / "a.zip",
+            most_bytes=1,
+            limits=limits,
+            arrived=lambda *_: None,
+        )
+    assert len(attempts) == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 import sys
 from collections.abc import Callable
@@ -230,3 +231,25 @@ def test_a_cache_that_may_only_be_read_serves(get: Get, tmp_path: Path) -> None:
     shutil.rmtree(store.root / "locks")
     (store.root / "locks").write_text("no directory")  # even root cannot lock here
     assert [a.new for a in get().archives] == [False, False]
+
+
+def test_a_download_that_was_left_is_not_taken_for_new(get: Get, tmp_path: Path) -> None:
+    get()
+    store, archive = Store(), ITEMS["lmo-models"].archives[1]
+    left = store.download(archive)
+    left.write_bytes(b"an earlier version")
+    assert [a.new for a in get().archives] == [False, False]
+    assert not left.exists()
+    left.write_bytes(b"an earlier version")
+    assert [a.new for a in get(again=True).archives] == [True, True]
+    assert contents(store.folder(archive)) == EXPECTED
+
+
+def test_the_digest_that_a_server_states_is_told(get: Get, server: Server, tmp_path: Path) -> None:
+    for path in (tmp_path / "mirror").iterdir():
+        content = path.read_bytes()
+        stated = hashlib.sha256(content).hexdigest()
+        moved = server.give(f"stored/{path.name}", whole(content))
+        server.give(f"bop/{path.name}", status(302, Location=moved, X_Linked_ETag=f'"{stated}"'))
+    fetched = get(source=f"{server.url}/bop/")
+    assert fetched.archives[0].remarks == ("its SHA-256 is the one that the server states",)

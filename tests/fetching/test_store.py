@@ -68,3 +68,21 @@ def test_the_cache_directory_is_that_of_the_environment(
 ) -> None:
     monkeypatch.setenv("GRASPCAST_CACHE", str(tmp_path / "here"))
     assert Store().root == tmp_path / "here" / "fetched"
+
+
+def test_a_receipt_of_no_file_and_files_that_cannot_be_read(
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place(store, tmp_path, b"1")
+
+    def refuse(path: Path) -> str:  # as for others than root
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("graspcast.fetching.store.digest", refuse)
+    said = store.problem(ARCHIVE, lambda _: None)
+    assert said is not None and said.endswith("a cannot be read (Permission denied)")
+    (tmp_path / "none" / "new").mkdir(parents=True)
+    (tmp_path / "none" / "old").mkdir()
+    empty = Receipt("https://host/a", "0" * 64, "", "MIT", {})
+    store.place(ARCHIVE, tmp_path / "none" / "new", tmp_path / "none" / "old", empty)
+    assert store.problem(ARCHIVE, lambda _: None) == "holds no file"

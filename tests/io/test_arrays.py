@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import struct
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -127,3 +128,15 @@ def test_a_file_holds_the_arrays_and_their_digest_alone(tmp_path: Path) -> None:
     write_arrays(tmp_path / "a.npz", ARRAYS)
     with np.load(tmp_path / "a.npz") as file:
         assert set(file.files) == {*ARRAYS, "sha256"}
+
+
+def test_an_array_that_the_archive_says_is_longer_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    whole = npy(np.zeros(3))
+    archive(path, ("x.npy", whole[:-8]))
+    shorter = struct.pack("<I", len(whole) - 8)
+    # The unpacked size stands in the file's own header and in the list at the end.
+    assert path.read_bytes().count(shorter) == 2
+    path.write_bytes(path.read_bytes().replace(shorter, struct.pack("<I", len(whole))))
+    with pytest.raises(FormatError, match=r"x\.npy is cut off"):
+        read_arrays(path, "make it again", digest=False)

@@ -43,3 +43,11 @@ def test_two_threads_get_the_same_value() -> None:
     for thread in threads:
         thread.join()
     assert found[0] is found[1]
+
+
+def test_a_thread_that_comes_late_keeps_the_first_value() -> None:
+    one = Slow(Barrier(1))
+    first = one.value
+    # Two threads may both have found nothing there.
+    assert Slow.value.__get__(one) is first
+    assert one.computed == 1

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -100,3 +101,9 @@ def test_a_full_disk_does_not_matter(tmp_path: Path) -> None:
         f"resource.setrlimit(resource.RLIMIT_FSIZE, (100, {hard}))\n" + PROGRAM
     )
     assert run(script, NUMBA_CACHE_DIR=str(tmp_path / "cache")) == "42"
+
+
+def test_a_function_without_a_source_file_is_compiled_all_the_same() -> None:
+    made: dict[str, Any] = {}
+    exec(compile("def double(x):\n    return 2 * x\n", "<typed in>", "exec"), made)
+    assert cached_njit()(made["double"])(21) == 42

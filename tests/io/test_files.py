@@ -7,6 +7,7 @@ import os
 import stat
 import subprocess
 import sys
+import tempfile
 import textwrap
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from graspcast.errors import InputError
+from graspcast.io import files
 from graspcast.io.files import atomic_write, check_target, sweep, temporary_directory, write_text
 
 
@@ -211,3 +213,48 @@ def test_a_target_is_checked_without_being_made(tmp_path: Path) -> None:
     assert caught.value.parameters == ("json",)
     with pytest.raises(InputError, match="file is no directory"):
         check_target(tmp_path / "file" / "x.csv")
+
+
+def test_files_are_whole_where_there_are_no_locks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On Windows, that is."""
+    monkeypatch.setattr(files, "_LOCKS", False)
+    left = tmp_path / ".graspcast-left.tmp"
+    left.write_text("of a process that may still live")
+    write_text(tmp_path / "a.txt", "old")
+    write_text(tmp_path / "a.txt", "new")
+    with pytest.raises(ValueError, match="half way"), atomic_write(tmp_path / "a.txt") as temporary:
+        temporary.write_text("ne")
+        raise ValueError("half way")
+    sweep(tmp_path)
+    assert names(tmp_path) == [left.name, "a.txt"]
+    assert (tmp_path / "a.txt").read_text() == "new"
+    with temporary_directory(tmp_path) as folder:
+        (folder / "b").write_text("b")
+    assert names(tmp_path) == [left.name, "a.txt"]
+
+
+def test_a_temporary_file_that_another_process_removes_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[str] = []
+
+    def make(parent: Path) -> tuple[int, str]:
+        handle, name = tempfile.mkstemp(dir=parent)
+        made.append(name)
+        if len(made) == 1:  # between making and locking
+            Path(name).unlink()
+        return handle, name
+
+    monkeypatch.setattr(files, "_make_file", make)
+    write_text(tmp_path / "a.txt", "text")
+    assert len(made) == 2 and names(tmp_path) == ["a.txt"]
+
+
+def test_a_folder_that_may_not_be_written_to_is_named_before_any_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # as for others than root
+    with pytest.raises(InputError, match=r"a\.txt: cannot be written \(.* may not be written to"):
+        check_target(tmp_path / "a.txt", "out")

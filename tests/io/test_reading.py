@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import sys
@@ -127,3 +128,20 @@ def test_readers_of_directories_refuse_pipes(tmp_path: Path) -> None:
         _ = Store(tmp_path).manifest
     with pytest.raises(GraspcastError, match="pipe"):
         read_ground_truth(tmp_path / "test")
+
+
+def test_what_may_not_be_opened_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.csv").write_text("a")
+
+    def refuse(path: object, flags: int) -> int:  # as for others than root
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(FormatError, match=r"a\.csv: cannot be read \(Permission denied\)"):
+        read_bytes(tmp_path / "a.csv")
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc: run it on Linux")
+def test_a_file_that_is_longer_than_it_says_is_refused() -> None:
+    with pytest.raises(FormatError, match=r"status: .*bytes"):
+        read_bytes("/proc/self/status", limit=10)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from graspcast.errors import FormatError, InputError
+from graspcast.io.hashing import sha256
 from graspcast.io.tables import parquet_bytes, read_csv, read_parquet, write_table
 
 FRAME = pl.DataFrame({"name": ["a", "b", None], "n": [1, 2, 3], "x": [0.5, None, float("inf")]})
@@ -110,3 +112,17 @@ def test_files_that_are_absent_or_something_else_are_named(tmp_path: Path) -> No
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
         write_table(tmp_path / "file" / "t.parquet", FRAME)
+
+
+def test_a_digest_alone_makes_no_table(tmp_path: Path) -> None:
+    unset = b"graspcast:sha256 @" + b"0" * 64
+    digest = sha256(unset).encode()
+    (tmp_path / "a.parquet").write_bytes(unset.replace(b"0" * 64, digest))
+    with pytest.raises(FormatError, match=r"a\.parquet: is not a Parquet file"):
+        read_parquet(tmp_path / "a.parquet")
+
+
+def test_a_csv_that_is_packed_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(gzip.compress(b"a,b\n1,2\n"))
+    with pytest.raises(FormatError, match="gzip"):
+        read_csv(tmp_path / "a.csv")

@@ -80,3 +80,11 @@ def test_numbers_too_large_for_a_float_are_refused() -> None:
         table.take("x", float)
     with pytest.raises(FormatError, match="v is too large a number"):
         table.numbers("v", 2)
+
+
+def test_what_should_be_a_table_and_numbers_that_are_infinite_are_refused() -> None:
+    with pytest.raises(FormatError, match=r"a\.toml, grasp\[0\]: should be a table, not 'top'"):
+        TomlTable(Path("a.toml"), "grasp[0]", "top")
+    table = TomlTable(Path("a.toml"), "t", {"v": [0.0, float("inf")]})
+    with pytest.raises(FormatError, match="v should be 2 finite numbers"):
+        table.numbers("v", 2)

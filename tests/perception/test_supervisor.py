@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -10,6 +11,8 @@ import time
 from pathlib import Path
 
 import pytest
+
+from graspcast.perception import supervisor
 
 pytestmark = pytest.mark.skipif(
     os.name != "posix", reason="signals and groups are POSIX: run it on Linux or macOS"
@@ -106,3 +109,38 @@ except Exception as error:
         check=True,
     )
     assert f"was killed by signal {int(signal.SIGPIPE)}" in done.stdout
+
+
+def supervised(*command: str, grace_s: float = 0.2) -> tuple[str, int]:
+    """Run the supervisor as a program, and close its pipe once it has said how it went."""
+    watched, held = os.pipe()
+    report, theirs = os.pipe()
+    process = subprocess.Popen(
+        [sys.executable, supervisor.__file__, str(watched), str(theirs), str(grace_s), *command],
+        pass_fds=(watched, theirs),
+        stdout=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    os.close(watched)
+    os.close(theirs)
+    with os.fdopen(report) as lines:
+        said = ""
+        for line in lines:
+            said += line
+            if line.startswith("code "):
+                break
+        os.close(held)
+        return said, process.wait(30)
+
+
+def test_it_says_how_a_command_ended() -> None:
+    said, code = supervised("sh", "-c", "exit 3")
+    assert re.fullmatch(r"pid \d+\ncode 3\n", said) and code == 0
+    said, _ = supervised("sh", "-c", "kill -9 $$")
+    assert re.fullmatch(r"pid \d+\ncode -9\n", said)
+
+
+def test_it_says_why_a_command_cannot_be_started(tmp_path: Path) -> None:
+    said, code = supervised(str(tmp_path / "nothing"))
+    assert re.fullmatch(r"(pid \d+\n|error No such file or directory\n){2}code 127\n", said)
+    assert code == 0

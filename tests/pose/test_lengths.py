@@ -60,3 +60,7 @@ def test_lengths_are_shown_in_millimetres_or_metres() -> None:
     assert between(0.102, 0.123) == "102 to 123 mm"
     assert between(0.09, 1.2) == "90 mm to 1.20 m"
     assert between(0.1, 0.1) == "100 mm"
+
+
+def test_a_length_that_is_not_known_says_so() -> None:
+    assert shown(float("nan")) == shown(float("inf")) == "unknown"

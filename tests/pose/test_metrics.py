@@ -151,3 +151,7 @@ def test_released_metrics_of_lmo(data_dir: Path, published: Path, estimator: str
         add = e.add_s if info.symmetric else e.add
         assert_allclose(add(est, ref, points), figures[:, 14], rtol=1e-4)
         assert_allclose(info.diameter_m, figures[:, 15], rtol=1e-6)
+
+
+def test_the_identity_alone_changes_no_pose() -> None:
+    assert_allclose(e.nearest_symmetric(EST, np.eye(4)[None]), EST, rtol=0, atol=0)

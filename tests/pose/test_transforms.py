@@ -122,3 +122,12 @@ def test_batches_may_have_any_leading_shape() -> None:
     assert g.invert(a).shape == (2, 3, 4, 4)
     assert g.log(a).shape == (2, 3, 6)
     assert g.rotation_angle(a[0, 0, :3, :3]).shape == ()
+
+
+def test_one_translation_serves_many_rotations_and_many_translations_one_rotation() -> None:
+    many = random_poses(4)
+    R, t = many[:, :3, :3], many[:, :3, 3]
+    assert_allclose(g.transform(R, t[0])[:, :3, 3], np.tile(t[0], (4, 1)))
+    together = g.transform(R[0], t)
+    assert together.shape == (4, 4, 4)
+    assert_allclose(together[2], g.transform(R[0], t[2]))
