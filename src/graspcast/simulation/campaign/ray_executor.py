@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from graspcast._version import __version__
-from graspcast.errors import ExtraMissingError, InputError, MismatchError, WorkerLostError
+from graspcast.errors import InputError, MismatchError, WorkerLostError
+from graspcast.io.extras import require
 from graspcast.io.wording import counted
 from graspcast.simulation.campaign import on_node
 from graspcast.simulation.campaign.executors import Done, Setups
@@ -69,10 +70,9 @@ class RayExecutor:
     """
 
     def __init__(self, address: str | None = None, ahead: int | None = None):
-        try:
-            import ray
-        except ImportError as error:
-            raise ExtraMissingError("ray", "ray") from error
+        require("ray")
+        import ray
+
         self._ray = ray
         self.address, self.ahead = address, ahead
 
