@@ -16,8 +16,8 @@ from campaign_script import make_requests
 from graspcast.errors import ExtraMissingError, InputError
 from graspcast.simulation.campaign.campaign import run_campaign
 from graspcast.simulation.campaign.executors import LocalExecutor, usable_cores
-from graspcast.simulation.campaign.ray_executor import RayExecutor
 from graspcast.simulation.campaign.jobs import Batch, load_setups
+from graspcast.simulation.campaign.ray_executor import RayExecutor
 from graspcast.simulation.grasps.table import read_grasps
 
 SOURCE = Path(graspcast.errors.__file__).parents[1]
