@@ -8,7 +8,7 @@ import pickle
 import socket
 import tempfile
 import time
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
@@ -33,6 +33,9 @@ _CONNECT_S = 10.0
 
 _LOOK_S = 2.0
 """Time between two looks at which nodes there are, seconds."""
+
+_HEAD_S = 30.0
+"""How long the head node may be silent, seconds; Ray itself ends the process after 60."""
 
 _CHECK_S = 60.0
 """Time for a node to say which versions it has, seconds; it may have to load them from a disk."""
@@ -119,18 +122,26 @@ def _connect(ray: Any, address: str | None) -> None:
 def _check_reachable(address: str) -> None:
     """Raise if nothing answers at the address; Ray would try for minutes, and say nothing."""
     named = address if address != "auto" else os.environ.get("RAY_ADDRESS", "") or _last_started()
-    host, _, port = named.removeprefix("ray://").rpartition(":")
+    named = named.removeprefix("ray://")
+    host, _, port = named.rpartition(":")
     if not host or not port.isdecimal():
-        return
-    try:
-        with socket.create_connection((host, int(port)), _CONNECT_S):
-            return
-    except (OSError, OverflowError) as error:
+        return  # Ray itself says what is wrong with it
+    if why := _unreachable(named, _CONNECT_S):
         raise WorkerLostError(
-            f"no Ray cluster answers at {named} ({getattr(error, 'strerror', '') or error}); is "
-            "its head node running, and the port open to this machine?",
+            f"no Ray cluster answers at {named} ({why}): "
+            "its head node does not run, or its port is not open to this machine",
             parameters=("address",),
-        ) from error
+        )
+
+
+def _unreachable(address: str, seconds: float) -> str:
+    """Return why no connection can be made to ``host:port``; empty if one can."""
+    host, _, port = address.rpartition(":")
+    try:
+        with socket.create_connection((host, int(port)), seconds):
+            return ""
+    except (OSError, OverflowError) as error:
+        return str(getattr(error, "strerror", "") or error)
 
 
 def _last_started() -> str:
@@ -166,13 +177,13 @@ class _Run:
         if not asked:
             return
         answered, silent = ray.wait(list(asked), num_returns=len(asked), timeout=_CHECK_S)
-        problems: dict[str, list[dict[str, str]]] = {}
+        problems = []
         for reference in answered:
             with suppress(ray.exceptions.RayError):  # of a node that was lost meanwhile
                 if different := ray.get(reference):
-                    problems.setdefault(asked[reference], []).append(different)
+                    problems.append((asked[reference], different))
         if problems:
-            raise _mismatch({node: found[0] for node, found in problems.items()})
+            raise _mismatch(problems)
         if silent:
             _log.warning(
                 "%s of the Ray cluster did not say within %.0f s which versions they have (%s); "
@@ -216,7 +227,7 @@ class _Run:
                 f"{_first_line(error)}"
             ) from error
         if different:
-            raise _mismatch({node: different})
+            raise _mismatch([(node, different)])
         return outcomes
 
     def end(self) -> None:
@@ -235,6 +246,10 @@ class _Nodes:
         self._looked = self._worked = time.monotonic()
         self._next_s = 0.0
         self._lost: float | None = None
+        # A client of a cluster (ray://) may not see the head node itself.
+        head = str(ray.get_runtime_context().gcs_address)
+        self._head = "" if _unreachable(head, _LOOK_S) else head
+        self._answered = time.monotonic()
         self.usable()
 
     def usable(self) -> list[dict[str, Any]]:
@@ -251,6 +266,8 @@ class _Nodes:
         if now - self._looked < _LOOK_S:
             return
         self._looked = now
+        if not self._head_answers():
+            return
         if nodes := self.usable():
             self._found(now, len(nodes))
         elif self._lost is None:
@@ -262,6 +279,19 @@ class _Nodes:
                 "start one, or interrupt it and resume later",
                 f", for {waited:.0f} s" if waited >= 1 else "",
             )
+
+    def _head_answers(self) -> bool:
+        """Raise if the head node has been silent for long: Ray would end the process without it."""
+        why = _unreachable(self._head, _LOOK_S) if self._head else ""
+        now = time.monotonic()
+        if not why:
+            self._answered = now
+        elif (silent := now - self._answered) > _HEAD_S:
+            raise WorkerLostError(
+                f"the head node of the Ray cluster, {self._head}, was lost ({why}; it has not "
+                f"answered for {silent:.0f} s)"
+            )
+        return not why
 
     def _found(self, now: float, count: int) -> None:
         """Say that nodes are back, or that there are some and yet nothing comes back."""
@@ -286,10 +316,10 @@ class _Nodes:
             )
 
 
-def _mismatch(problems: Mapping[str, Mapping[str, str]]) -> MismatchError:
+def _mismatch(problems: Sequence[tuple[str, Mapping[str, str]]]) -> MismatchError:
     """Return the error for nodes with other versions; at most five are named."""
     told = []
-    for node, different in islice(problems.items(), 5):
+    for node, different in sorted(problems, key=str)[:5]:
         had = (
             f"no {package}" if not found else f"{package} {found} (here {_EXPECTED[package]})"
             for package, found in different.items()
