@@ -165,9 +165,7 @@ def test_a_second_service_on_the_same_log_is_refused(service: Process, folder: P
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "number", [signal.SIGTERM, signal.SIGKILL]
-)
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_no_acknowledged_outcome_is_lost(number: int, tmp_path: Path) -> None:
     """Stopped, and killed, while outcomes come in."""
     log = tmp_path / "attempts.log"

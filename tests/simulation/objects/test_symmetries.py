@@ -81,7 +81,7 @@ def test_axes_of_cad_are_exact_and_named() -> None:
 
 @pytest.mark.slow
 def test_noise_of_a_scan_hides_no_symmetry_and_a_handle_breaks_it() -> None:
-    can = create.cylinder(0.035, 0.1, sections=64).subdivide_to_size(0.006)
+    can = create.cylinder(0.035, 0.1, sections=64).subdivide_to_size(0.01)
     noise = np.random.default_rng(0).normal(scale=3e-4, size=can.vertices.shape)
     scan = trimesh.Trimesh(can.vertices + noise, can.faces, process=False)
     assert len(found(scan).continuous) == 1
