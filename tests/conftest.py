@@ -19,8 +19,11 @@ from graspcast.paper.dataset import Published
 set_hypothesis_home_dir(Path(__file__).parents[1] / ".pytest_cache" / "hypothesis")
 # Imports and shared machines take their time; no test is about how long it takes.
 # The same examples every time, so that a change that fails is the one that broke something.
-settings.register_profile("graspcast", deadline=None, derandomize=True, database=None)
-settings.load_profile("graspcast")
+settings.register_profile("slow", deadline=None, derandomize=True, database=None)
+settings.register_profile("fast", settings.get_profile("slow"), max_examples=25)
+
+# Files of slow tests alone, whose collection takes longer than a second.
+_SLOW_FILES = {"test_schema_fuzz.py"}
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -28,6 +31,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
     To resolve it imports graspcast, before run-time types could be added.
     """
+    settings.load_profile("fast" if without_slow(config) else "slow")
     config.addinivalue_line("filterwarnings", "ignore::graspcast.errors.TrainingDataWarning")
 
 
@@ -64,6 +68,10 @@ def _of_other_parts(config: pytest.Config, slow: list[pytest.Item]) -> set[pytes
     files = sorted({item.path for item in slow})
     mine = set(files[which - 1 :: of])
     return {item for item in slow if item.path not in mine}
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    return (collection_path.name in _SLOW_FILES and without_slow(config)) or None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -85,14 +85,14 @@ def test_a_folder_with_a_table_of_masses(
     folder, out = tmp_path / "set", tmp_path / "kit"
     folder.mkdir()
     BOX.export(folder / "box.stl")
-    profile().export(folder / "profile.obj")
-    tube().export(folder / "tube.ply")
-    (tmp_path / "masses.csv").write_text("object,mass_kg,friction\nbox,0.12,0.5\ntube.ply,0.1,\n")
+    bracket().export(folder / "bracket.obj")
+    trimesh.creation.cylinder(0.03, 0.1).export(folder / "can.ply")
+    (tmp_path / "masses.csv").write_text("object,mass_kg,friction\nbox,0.12,0.5\ncan.ply,0.1,\n")
     command = ["add-object", str(folder), "--dataset", "kit", "--pieces", "1", "--out", str(out)]
     table = ["--mass", str(tmp_path / "masses.csv")]
     said = refused([*command, *table], capsys)
     assert "1 of 3 objects are refused, and nothing is written" in said
-    assert "no row for profile.obj" in said and not out.exists()
+    assert "no row for bracket.obj" in said and not out.exists()
     assert main([*command, *table, "--lenient"]) == 0
     assert "left out: " in capsys.readouterr().err
     assert main([*command, *table, "--density", "2700"]) == 0

@@ -63,7 +63,7 @@ def inputs(root: Path, names: tuple[str, ...] = NAMES) -> list[str]:
 
 def train(root: Path, out: Path, *more: str, names: tuple[str, ...] = NAMES) -> int:
     given = ["train", *inputs(root, names), "--principal", "a", "--gripper", "parallel"]
-    given += ["--outcomes", str(root / "outcomes.csv"), "--trees", "4", "--folds", "0"]
+    given += ["--outcomes", str(root / "outcomes.csv"), "--trees", "8", "--folds", "0"]
     return main([*given, "--out", str(out), *more])
 
 

@@ -63,6 +63,7 @@ def test_the_net_benefit_at_a_threshold_is_that_by_hand(
     assert found == pytest.approx(by_hand(trials, threshold, price))
 
 
+@pytest.mark.slow
 @given(seeds, costs, st.floats(0.05, 1))
 def test_with_a_limit_it_is_the_best_up_to_there(seed: int, price: Costs, most: float) -> None:
     trials = random_trials(seed)

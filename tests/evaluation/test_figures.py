@@ -17,6 +17,7 @@ from graspcast.evaluation.predictions import Forecasts
 from graspcast.evaluation.scores import calibration_error, risk_coverage
 
 METHODS = ("threshold", "good")
+HOW = Bootstrap(draws=20)
 
 
 def forecasts(method: str, gripper: str) -> Forecasts:
@@ -40,11 +41,18 @@ def words(svg: Path) -> str:
     return " ".join(re.findall(r"<!-- (.*?) -->", svg.read_text()))
 
 
-@pytest.mark.slow
-def test_figures_are_drawn_and_say_what_they_show(every: list[Forecasts], tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def drawn(every: list[Forecasts], tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     pytest.importorskip("matplotlib", reason="needs Matplotlib: pip install 'graspcast[plot]'")
-    paths = draw_figures(every, tmp_path, methods=METHODS, bootstrap=Bootstrap(draws=50))
-    assert sorted(p.name for p in tmp_path.iterdir()) == [
+    return draw_figures(every, tmp_path_factory.mktemp("drawn"), methods=METHODS, bootstrap=HOW)
+
+
+@pytest.mark.slow
+def test_figures_are_drawn_and_say_what_they_show(
+    every: list[Forecasts], drawn: list[Path]
+) -> None:
+    paths = drawn
+    assert sorted(p.name for p in paths[0].parent.iterdir()) == [
         "reliability.png",
         "reliability.svg",
         "risk_coverage.png",
@@ -67,13 +75,12 @@ def test_figures_are_drawn_and_say_what_they_show(every: list[Forecasts], tmp_pa
 
 
 @pytest.mark.slow
-def test_the_same_forecasts_give_the_same_bytes(every: list[Forecasts], tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib", reason="needs Matplotlib: pip install 'graspcast[plot]'")
-    how = Bootstrap(draws=20)
-    for folder in ("one", "two"):
-        draw_figures(every, tmp_path / folder, methods=METHODS, bootstrap=how)
-    for path in (tmp_path / "one").iterdir():
-        assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes(), path.name
+def test_the_same_forecasts_give_the_same_bytes(
+    every: list[Forecasts], drawn: list[Path], tmp_path: Path
+) -> None:
+    draw_figures(every, tmp_path, methods=METHODS, bootstrap=HOW)
+    for path in drawn[0].parent.iterdir():
+        assert path.read_bytes() == (tmp_path / path.name).read_bytes(), path.name
 
 
 def test_nothing_to_draw(every: list[Forecasts], tmp_path: Path) -> None:

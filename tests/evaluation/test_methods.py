@@ -28,12 +28,12 @@ from poses import write_models
 QUICK: dict[str, Method] = {
     "majority": Majority(),
     "threshold": Threshold(),
-    "MLP": PaperNetworks(pools_objects=False, members=1, epochs=20),
-    "MLP-O": PaperNetworks(pools_objects=True, members=1, epochs=20),
-    "extra-trees": ExtraTrees(trees=20),
-    "direct": Direct(trees=8, draws=8, folds=2),
-    "two-stage": TwoStage(trees=8, draws=8, folds=2),
-    "blend": Blended(trees=8, draws=8, folds=2),
+    "MLP": PaperNetworks(pools_objects=False, members=1, epochs=4),
+    "MLP-O": PaperNetworks(pools_objects=True, members=1, epochs=4),
+    "extra-trees": ExtraTrees(trees=10),
+    "direct": Direct(trees=4, draws=4, folds=2),
+    "two-stage": TwoStage(trees=4, draws=4, folds=2),
+    "blend": Blended(trees=4, draws=4, folds=2),
 }
 
 

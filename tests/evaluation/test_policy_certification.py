@@ -111,7 +111,8 @@ def test_counts_are_those_of_running_the_policy_at_each_threshold(world: World, 
     assert len({looks for *_, looks in counts}) > 3
 
 
-@pytest.mark.parametrize("most", [0.7, pytest.param(1.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("most", [0.7, 1.0])
 def test_a_table_of_thresholds_counts_what_the_policy_does_at_each(
     world: World, most: float
 ) -> None:
@@ -208,6 +209,7 @@ def test_of_one_view_it_is_the_principals(world: World) -> None:
     assert certificate.policy is None and "guides" not in certificate.provenance
 
 
+@pytest.mark.slow
 def test_missing_outcomes_are_named(world: World) -> None:
     some = world.outcomes.filter(pl.col("estimator") != "fused3")
     given = world.inputs(), world.motions, SETTINGS

@@ -135,6 +135,7 @@ def test_knowing_more_is_better_and_pairing_shows_it(found: dict[str, Any]) -> N
         assert reference["always"] < good["net_benefit"] < reference["perfect"]
 
 
+@pytest.mark.slow
 def test_the_interval_covers_the_mean_of_scenes_as_often_as_it_says() -> None:
     """Scenes differ by more than trials do; an interval over trials would be far too narrow."""
     rng = np.random.default_rng(0)

@@ -59,7 +59,7 @@ def test_a_file_that_makes_polars_abort_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.integers(0, 10**6), value=st.integers(1, 255), cut=st.booleans())
 @example(place=0, value=0, cut=False)
 def test_damaged_files_of_others_are_read_or_refused(

@@ -72,6 +72,7 @@ def test_two_versions_in_one_folder_are_named_with_the_remedy(site: Path) -> Non
     assert "Traceback" not in run.stderr
 
 
+@pytest.mark.slow
 def test_files_that_another_package_took_away_are_missed(site: Path) -> None:
     install(
         site, "mujoco-core", "4.0.0", ("__init__.py", LIBRARY, "_structs.so", "egl/__init__.py")
@@ -82,6 +83,7 @@ def test_files_that_another_package_took_away_are_missed(site: Path) -> None:
     assert imported(site).returncode == 2
 
 
+@pytest.mark.slow
 def test_tests_and_headers_need_not_be_there(site: Path) -> None:
     install(site, "mujoco-core", "4.0.0", ("__init__.py", "render_test.py", "include/mujoco.h"))
     (site / "mujoco" / "render_test.py").unlink()
@@ -89,6 +91,7 @@ def test_tests_and_headers_need_not_be_there(site: Path) -> None:
     assert not installed_mujoco().problem
 
 
+@pytest.mark.slow
 def test_a_folder_that_no_package_owns(site: Path) -> None:
     (site / "mujoco").mkdir()
     (site / "mujoco" / "__init__.py").write_text("raise AttributeError('half of it')\n")
@@ -100,6 +103,7 @@ def test_a_folder_that_no_package_owns(site: Path) -> None:
     assert "cannot be imported (half of it)" in run.stderr
 
 
+@pytest.mark.slow
 def test_a_package_of_another_version_than_the_library(site: Path) -> None:
     install(site, "mujoco-core", "4.0.1", ("__init__.py",))
     run = imported(site)

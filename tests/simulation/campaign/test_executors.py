@@ -85,6 +85,7 @@ def test_workers_must_be_some() -> None:
     assert LocalExecutor().workers == usable_cores() >= 1
 
 
+@pytest.mark.slow
 def test_an_error_in_a_worker_is_raised_here() -> None:
     requests = make_requests(1)
     setups = load_setups(requests, read_grasps())

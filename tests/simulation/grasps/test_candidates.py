@@ -27,6 +27,7 @@ def test_the_open_hand_is_clear_at_every_candidate(name: str) -> None:
             assert not pool.scene.hand_in_contact()
 
 
+@pytest.mark.slow
 def test_what_is_too_wide_is_counted_and_measured() -> None:
     gripper = load_gripper("parallel")
     cube = replace(brick(), vertices=brick().vertices * 0.09 / np.ptp(brick().vertices, axis=0))

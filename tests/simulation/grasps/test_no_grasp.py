@@ -32,6 +32,7 @@ def _block(x: float, y: float, z: float) -> GraspObject:
     return replace(thing, vertices=np.array(mesh.vertices), faces=np.array(mesh.faces))
 
 
+@pytest.mark.slow
 def test_a_box_that_is_too_wide() -> None:
     said = _why(_block(0.09, 0.1, 0.12))
     assert "90 mm wide in its narrowest direction, too wide by 12.0 mm" in said

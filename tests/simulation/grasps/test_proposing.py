@@ -19,7 +19,7 @@ from graspcast.simulation.objects.types import Grasp
 from graspcast.simulation.trial.trial import TrialRunner
 from jaws import write_jaws
 
-FEW = Effort(candidates=24, first_errors=3, parents=2, variations=1, jitter=2, final=3)
+FEW = Effort(candidates=16, first_errors=3, parents=1, variations=1, jitter=2, final=3)
 TINY = Effort(candidates=8, first_errors=2, parents=1, variations=1, jitter=1, final=1)
 ERRORS = exp(np.random.default_rng(3).standard_normal((30, 6)) * np.repeat([0.006, 0.08], 3))
 

@@ -37,6 +37,7 @@ def _ranked(fixed: int = 0) -> Ranking:
     return rank_grasps(pool, grasps, errors, spacing, random, count=3, effort=EFFORT, fixed=fixed)
 
 
+@pytest.mark.slow
 def test_grasps_are_ordered_by_the_lower_end_of_their_intervals() -> None:
     found = _ranked()
     lows = [grasp.interval[0] for grasp in found.grasps]

@@ -102,10 +102,8 @@ def test_the_hull_of_a_fine_ball_takes_few_vertices_and_little_work(
     assert sum(compared) < 30 * len(piece.vertices)
 
 
-CUT = [pytest.param(how, marks=pytest.mark.slow) for how in ("cut", "flipped")]
-
-
-@pytest.mark.parametrize("damage", ["empty", *CUT])
+@pytest.mark.slow
+@pytest.mark.parametrize("damage", ["empty", "cut", "flipped"])
 def test_a_damaged_file_is_built_again(
     cache: Path, damage: str, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -124,6 +122,7 @@ def test_a_damaged_file_is_built_again(
     assert not caplog.text
 
 
+@pytest.mark.slow
 def test_a_cache_that_cannot_be_written_costs_time_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -43,6 +43,7 @@ def test_another_unit(scale: float, unit: str) -> None:
     assert "across, not 108 mm; is it in" in said and unit in said
 
 
+@pytest.mark.slow
 def test_another_shape() -> None:
     box = trimesh.creation.box((0.04, 0.06, 0.08))
     said = frame_difference(Mesh(np.array(box.vertices), np.array(box.faces)), moved())

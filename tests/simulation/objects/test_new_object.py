@@ -54,6 +54,7 @@ def test_density_gives_the_mass_and_says_from_what(tmp_path: Path) -> None:
     assert entry.mass_source == "500 kg/m³ in 240 cm³"
 
 
+@pytest.mark.slow
 def test_a_part_that_does_not_stand_lies_as_it_does_and_that_is_said(tmp_path: Path) -> None:
     rod = trimesh.creation.cylinder(4.0, 120.0)
     rod.apply_transform(trimesh.transformations.rotation_matrix(0.7, [1, 0, 0]))
@@ -63,8 +64,8 @@ def test_a_part_that_does_not_stand_lies_as_it_does_and_that_is_said(tmp_path: P
     assert "topples" in refused(tmp_path / "rod.stl", rod, up=(0.0, 0.0, 1.0))
 
 
-@pytest.mark.parametrize("thickness", [0.0005, 0.003])
-@pytest.mark.parametrize("part", [plate, profile])
+@pytest.mark.parametrize("thickness", [0.0005, pytest.param(0.003, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("part", [plate, pytest.param(profile, marks=pytest.mark.slow)])
 def test_collision_pieces_of_thin_parts_are_as_thin(
     tmp_path: Path, part: Any, thickness: float
 ) -> None:

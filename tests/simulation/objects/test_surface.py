@@ -14,14 +14,16 @@ def surface(mesh: trimesh.Trimesh) -> Surface:
     return Surface(np.array(mesh.vertices), np.array(mesh.faces))
 
 
+BOX = surface(trimesh.creation.box((0.1, 0.06, 0.04)))
+
+
 @given(st.tuples(*3 * [st.floats(-0.15, 0.15)]))
 def test_distance_from_a_box_is_that_of_the_formula(point: tuple[float, ...]) -> None:
     half = np.array([0.05, 0.03, 0.02])
     beyond = np.abs(point) - half
     outside = np.linalg.norm(np.maximum(beyond, 0))
     expected = outside if outside > 0 else -beyond.max()
-    box = surface(trimesh.creation.box(2 * half))
-    assert box.distances(np.array([point]))[0] == pytest.approx(expected, abs=1e-7)
+    assert BOX.distances(np.array([point]))[0] == pytest.approx(expected, abs=1e-7)
 
 
 @pytest.mark.parametrize("mesh", [plate([(1, 1)]), profile(), tube()])

@@ -31,7 +31,7 @@ SOLIDS = {
 }
 
 
-FEW = ("box", "cylinder", "cone", "plate", "plate, a hole in a corner", "bracket")
+FEW = ("box", "cylinder", "plate", "bracket")
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,9 @@ def test_a_ball_has_three_axes() -> None:
     assert len(ball.continuous) == 3 and str(ball) == "any rotation (a ball)"
 
 
-@pytest.mark.parametrize("name", ["box", "cylinder", "hexagon"])
+@pytest.mark.parametrize(
+    "name", ["box", "cylinder", pytest.param("hexagon", marks=pytest.mark.slow)]
+)
 def test_a_turned_and_moved_solid_has_its_symmetries_about_its_own_middle(name: str) -> None:
     mesh, continuous, discrete = SOLIDS[name]
     moved = mesh.copy()
@@ -81,7 +83,7 @@ def test_axes_of_cad_are_exact_and_named() -> None:
 
 @pytest.mark.slow
 def test_noise_of_a_scan_hides_no_symmetry_and_a_handle_breaks_it() -> None:
-    can = create.cylinder(0.035, 0.1, sections=64).subdivide_to_size(0.006)
+    can = create.cylinder(0.035, 0.1, sections=64).subdivide_to_size(0.01)
     noise = np.random.default_rng(0).normal(scale=3e-4, size=can.vertices.shape)
     scan = trimesh.Trimesh(can.vertices + noise, can.faces, process=False)
     assert len(found(scan).continuous) == 1

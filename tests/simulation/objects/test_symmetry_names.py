@@ -27,7 +27,7 @@ def stated(mesh: trimesh.Trimesh, *names: str) -> tuple[str, str]:
         (("z", "x2"), "any angle about z, 180° about x"),
         (("z4",), "90° about z"),
         (("x2", "y2"), "180° about x, 180° about y, 180° about z"),
-        (("x", "y", "z"), "any rotation (a ball)"),
+        pytest.param(("x", "y", "z"), "any rotation (a ball)", marks=pytest.mark.slow),
     ],
 )
 def test_names(names: tuple[str, ...], said: str) -> None:

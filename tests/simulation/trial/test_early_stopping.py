@@ -37,7 +37,7 @@ def test_an_estimate_out_of_reach_is_missed_without_simulating_and_rightly_so(gr
 def test_stopping_early_gives_the_label_of_the_full_lift(gripper: str) -> None:
     seen: dict[str, int] = dict.fromkeys(REASONS, 0)
     saved = 0
-    for runner, error, grasp in sample(gripper, 72):
+    for runner, error, grasp in sample(gripper, 48):
         full = runner.run(error, grasp, early_stop=False)
         quick = runner.run(error, grasp)
         assert (quick.success, quick.reason) == (full.success, full.reason), error

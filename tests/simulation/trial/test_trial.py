@@ -59,6 +59,7 @@ def test_the_tool_centre_point_goes_to_the_grasp_carried_over_to_the_estimate(gr
     np.testing.assert_allclose(lifted[:3, 3], [0, 0, runner.settings.lift_height_m], atol=3e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gripper", GRIPPERS)
 def test_where_an_object_s_frame_is_makes_no_difference(gripper: str) -> None:
     plain = box(0.05, 0.07, 0.06)
