@@ -113,3 +113,45 @@ def test_without_ground_truth_the_last_of_two_is_asked(tmp_path: Path) -> None:
     assert TRUTH not in sources
     (finding,) = conventions(case, sources, pairs_of(sources, case.name))
     assert finding.code == "poses-transposed"
+
+
+def test_images_that_ground_truth_does_not_have(tmp_path: Path) -> None:
+    paths = healthy(names=("a",)).write(tmp_path)
+    path = tmp_path / "a_toy-test.csv"
+    header, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([header, *("9" + row[1:] for row in rows)]) + "\n")
+    (finding,) = belonging(case_of(paths))
+    assert (finding.code, finding.path) == ("other-dataset", str(path))
+    assert "has estimates of scenes 9, which are not in" in finding.message
+    path.write_text("\n".join([header, *("1,9" + row[2:] for row in rows)]) + "\n")
+    (finding,) = belonging(case_of(paths))
+    assert (finding.code, finding.path) == ("other-dataset", str(path))
+    assert "none of its images is in" in finding.message
+
+
+def test_objects_that_neither_the_models_nor_ground_truth_have(tmp_path: Path) -> None:
+    files = healthy()
+    files.estimates["b"] = files.estimates["b"] | {7: files.estimates["b"][1]}
+    (finding,) = findings(files, tmp_path)
+    assert (finding.severity, finding.code) == ("warning", "objects-unknown")
+    assert finding.numbers == {"objects": [7]} and finding.path.endswith("b_toy-test.csv")
+
+
+def test_numbers_that_are_mixed_up_at_random_are_no_renumbering(tmp_path: Path) -> None:
+    """Each object's estimates are of both objects, by turns."""
+    files = healthy()
+    one, two = files.estimates["b"][1], files.estimates["b"][2]
+    turn = (np.arange(len(one)) % 2 == 0)[:, None, None]
+    files.estimates["b"] = {1: np.where(turn, two, one), 2: np.where(turn, one, two)}
+    assert "objects-renumbered" not in [f.code for f in findings(files, tmp_path)]
+
+
+def test_few_common_instances_prove_no_refinement(tmp_path: Path) -> None:
+    files = healthy()
+    case = case_of(files.write(tmp_path))
+    case.results = {n: t.select(np.arange(5)) for n, t in case.results.items()}
+    sources, _ = sources_of(case)
+    pairs = pairs_of(sources, case.name)
+    assert list(refined_copies(case, pairs)) == []
+    case.blamed.add("a")
+    assert list(refined_copies(case, pairs)) == []

@@ -22,3 +22,9 @@ def test_trials_that_come_twice(tmp_path: Path, second: str, found: bool) -> Non
     finding = repeated_in_one(path, caught.value)
     assert (finding is not None) == found
     assert finding is None or finding.numbers == {"contradicting": 1}
+
+
+def test_other_refusals_and_other_files_are_none(tmp_path: Path) -> None:
+    shared = FormatError("t.parquet", "rows 1 and 2 share their trial")
+    assert repeated_in_one(Path("t.parquet"), shared) is None
+    assert repeated_in_one(Path("t.csv"), FormatError("t.csv", "has no rows")) is None

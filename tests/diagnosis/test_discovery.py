@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 
+import polars as pl
 import pytest
 
 from graspcast.diagnosis.discovery import discover, method_of
@@ -46,3 +48,36 @@ def test_names_of_methods_are_kept_apart() -> None:
     path = Path("epos_lmo-test.csv")
     assert method_of(path, []) == "epos"
     assert method_of(path, ["epos"]) == "epos_lmo-test"
+
+
+def test_directories_of_campaigns_and_what_is_hidden(tmp_path: Path) -> None:
+    (tmp_path / "campaign").mkdir()
+    frame = pl.DataFrame({"estimator": ["a"], "success": [1]})
+    frame.write_parquet(tmp_path / "campaign" / "outcomes.parquet")
+    (tmp_path / ".git").mkdir()
+    frame.write_parquet(tmp_path / ".git" / "outcomes.parquet")
+    frame.write_parquet(tmp_path / "tried.parquet")
+    frame.select("estimator").write_parquet(tmp_path / "names.parquet")
+    found, unknown = discover([tmp_path, tmp_path / "names.parquet"])
+    assert sorted((f.kind, f.path.name) for f in found) == [
+        ("outcomes", "campaign"),
+        ("outcomes", "tried.parquet"),
+    ]
+    assert unknown == [tmp_path / "names.parquet"]
+
+
+def test_packed_files_are_looked_into_and_damaged_ones_are_unknown(tmp_path: Path) -> None:
+    row = b"1,2,3,0.5,1 0 0 0 1 0 0 0 1,0 0 900,-1\n"
+    whole, cut, other = tmp_path / "r.csv.gz", tmp_path / "cut.csv.gz", tmp_path / "notes.txt"
+    whole.write_bytes(gzip.compress(row))
+    cut.write_bytes(gzip.compress(row)[:12])
+    other.write_bytes(row)
+    found, unknown = discover([whole, cut, other])
+    assert [(f.kind, f.path) for f in found] == [("results", whole)]
+    assert unknown == [cut, other]
+
+
+def test_a_third_method_of_the_same_file_name_gets_a_number() -> None:
+    path = Path("epos_lmo-test.csv")
+    assert method_of(path, ["epos", "epos_lmo-test"]) == "epos_lmo-test-2"
+    assert method_of(path, ["epos", "epos_lmo-test", "epos_lmo-test-2"]) == "epos_lmo-test-3"

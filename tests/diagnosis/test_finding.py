@@ -25,3 +25,9 @@ def test_as_json_with_numbers_and_repair() -> None:
     assert content["repair"] == {"5": np.eye(4).tolist()}
     assert content["estimator"] == "epos"
     assert str(finding) == "error x: f.csv: is wrong. Mend it"
+
+
+def test_what_there_is_none_of_is_left_out_of_json() -> None:
+    content = Finding("note", "x", "f.csv", "is so", "Leave it", {"why": "text"}).as_dict()
+    assert content["numbers"] == {"why": "text"}
+    assert not {"repair", "estimator"} & set(content)

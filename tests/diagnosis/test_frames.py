@@ -90,3 +90,43 @@ def test_a_symmetry_that_is_not_stated(tmp_path: Path) -> None:
     (finding,) = findings(files, tmp_path)
     assert finding.code == "symmetry-unstated"
     assert abs(finding.numbers["axis"][2]) > 0.99
+
+
+def test_one_estimator_in_another_frame_than_ground_truth_and_without_models(
+    tmp_path: Path,
+) -> None:
+    """Of two either may be the odd one; a turn without a mesh may be a symmetry."""
+    files = healthy(names=("a",))
+    small = transform(rotation_from_vector(np.array([0.1, -0.2, 0.1])), np.array([0.03, 0, 0.04]))
+    files.estimates["a"] = {i: p @ invert(small) for i, p in files.estimates["a"].items()}
+    (finding,) = findings(files, tmp_path)
+    assert finding.code == "other-model-frame"
+    assert finding.message.startswith("a differs from ground truth by a constant transform")
+    case = case_of([(n, p) for n, p in files.write(tmp_path / "2")])
+    case.models = None
+    sources, _ = sources_of(case)
+    (finding,) = frame_findings(case, sources, pairs_of(sources, case.name))
+    for repair in finding.repair.values():
+        assert np.linalg.norm((invert(small) @ repair)[:3, 3]) < 3e-3
+
+
+def test_few_images_prove_no_frame(tmp_path: Path) -> None:
+    files = healthy()
+    files.estimates["b"] = {i: p @ invert(D) for i, p in files.estimates["b"].items()}
+    case = case_of(files.write(tmp_path))
+    few = {n: t.select(t.im_id < 5) for n, t in case.results.items()}
+    assert list(frame_findings(case, few, pairs_of(few, case.name))) == []
+
+
+def test_a_solid_of_revolution_that_is_seen_at_any_turn(tmp_path: Path) -> None:
+    files, rng = healthy(), np.random.default_rng(4)
+    rod = trimesh.creation.cylinder(0.03, 0.09, sections=48).subdivide()
+    files.meshes[1] = Mesh(np.array(rod.vertices), np.array(rod.faces))
+    files.info["1"] = info_entry(files.meshes[1].vertices)
+    files.boxes[1] = boxes_of(files.meshes[1], files.truth[1])
+    n = len(files.truth[1])
+    turns = np.stack([np.zeros(n), np.zeros(n), rng.uniform(-np.pi, np.pi, n)], axis=1)
+    spun = transform(rotation_from_vector(turns), np.zeros((n, 3)))
+    files.estimates["b"][1] = files.estimates["b"][1] @ spun
+    (finding,) = (f for f in findings(files, tmp_path) if f.code == "symmetry-unstated")
+    assert abs(finding.numbers["axis"][2]) > 0.99 and "° to 1" in finding.message

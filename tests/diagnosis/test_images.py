@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -38,3 +39,16 @@ def test_a_broken_image_and_images_of_other_numbers(tmp_path: Path) -> None:
     (folder / "000900.png").write_bytes(b"nothing")
     found = [f.code for f in image_findings(case_of(paths))]
     assert found == ["images-unreadable", "images-unmatched"]
+
+
+def test_images_with_intrinsics_of_their_own_may_have_another_size(tmp_path: Path) -> None:
+    paths = healthy(names=()).write(tmp_path)
+    folder = tmp_path / "toy" / "test" / "000001"
+    (folder / "rgb").mkdir()
+    for i in range(IMAGES):
+        Image.new("RGB", (320, 240), (i, 0, 0)).save(folder / "rgb" / f"{i:06d}.png")
+    own = {str(i): {"cam_K": [300.0, 0, 160, 0, 300, 120, 0, 0, 1]} for i in range(IMAGES)}
+    (folder / "scene_camera.json").write_text(json.dumps(own))
+    assert [f.code for f in image_findings(case_of(paths))] == []
+    (folder / "scene_gt.json").unlink()
+    assert [f.code for f in image_findings(case_of(paths))] == []

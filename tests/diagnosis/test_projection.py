@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
-from graspcast.diagnosis.projection import Seen, fit_camera, rays_of, spread
+from graspcast.bop.models import Models
+from graspcast.diagnosis.projection import Seen, fit_camera, outline_points, rays_of, spread
+from poses import write_models
 from sick_files import K, boxes_of, healthy
 
 
@@ -24,3 +28,11 @@ def test_points_behind_the_camera_have_no_edge() -> None:
     pose = np.eye(4)[None].copy()
     pose[0, 2, 3] = -1
     assert np.isnan(rays_of(np.zeros((1, 3)), pose)).all()
+
+
+def test_an_object_without_a_mesh_has_no_outline(tmp_path: Path) -> None:
+    models = Models(write_models(tmp_path, obj_1={}, obj_2={}))
+    (tmp_path / "obj_000002.ply").write_text("no mesh")
+    points = outline_points(models, 1)
+    assert points is not None and len(points) == 8
+    assert outline_points(models, 2) is None

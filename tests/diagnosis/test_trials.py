@@ -7,7 +7,7 @@ from pathlib import Path
 import polars as pl
 
 from graspcast.diagnosis.trials import outcome_findings, shared_scenes
-from graspcast.estimates.outcomes import checked_outcomes
+from graspcast.estimates.outcomes import ERROR_COLUMNS, checked_outcomes
 from sick_files import case_of, healthy
 
 
@@ -59,3 +59,21 @@ def test_scenes_in_two_roles() -> None:
     assert found(table(range(5, 15))) == [("error", "shared-images")]
     assert found(table(range(10, 20))) == [("warning", "shared-scenes")]
     assert found(table(range(10, 20), scene=2)) == []
+
+
+def with_errors(metres: float, radians: float | None) -> pl.DataFrame:
+    values = {n: metres if n.endswith("_m") else radians for n in ERROR_COLUMNS}
+    columns = {name: pl.lit(value, pl.Float64) for name, value in values.items()}
+    return table(range(24)).with_columns(**columns)
+
+
+def test_errors_in_other_units(tmp_path: Path) -> None:
+    assert codes(tmp_path / "1", {"a.csv": with_errors(0.003, 0.1)}) == []
+    assert codes(tmp_path / "2", {"a.csv": with_errors(3.0, 0.1)}) == ["outcomes-unit"]
+    assert codes(tmp_path / "3", {"a.csv": with_errors(0.003, 5.7)}) == ["outcomes-unit"]
+    assert codes(tmp_path / "4", {"a.csv": with_errors(3.0, None)}) == []
+
+
+def test_tables_of_different_trials(tmp_path: Path) -> None:
+    tables = {"a.csv": table(range(12)), "b.csv": table(range(12, 24))}
+    assert codes(tmp_path, tables) == []

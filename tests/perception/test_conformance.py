@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -215,3 +216,34 @@ def test_detections_must_be_of_known_objects(dataset: BopDataset) -> None:
     unknowing.obj_ids = (77,)
     with pytest.raises(InputError, match=r"no detection of an object that sizes knows \(77\)"):
         check_estimator(unknowing, dataset, jittered(dataset, 0))
+
+
+class Nameless(Sizes):
+    name = ""
+
+
+class KnowsNothing(Sizes):
+    obj_ids = ()
+
+
+class MakesUp(Sizes):
+    def estimate(self, image: np.ndarray, K: np.ndarray, detections: Detections) -> Poses:
+        if not len(detections):
+            return Poses(np.eye(4)[None], np.ones(1))
+        return super().estimate(image, K, detections)
+
+
+@pytest.mark.parametrize(
+    ("estimator", "says"),
+    [
+        (Nameless, "its name is ''; it should be text"),
+        (KnowsNothing, r"obj_ids is \(\); it should hold BOP ids of objects"),
+        (MakesUp, r"without detections it returned \(1, 4, 4\), not \(0, 4, 4\)"),
+    ],
+)
+def test_names_objects_and_images_without_detections(
+    dataset: BopDataset, estimator: type[Sizes], says: str
+) -> None:
+    report = check_estimator(estimator(), dataset, jittered(dataset, 0))
+    assert not report.passed
+    assert re.search(says, str(report))

@@ -63,3 +63,11 @@ def test_the_last_bin_counts_once() -> None:
     logits = np.full((3, BINS, 2), -20.0)
     logits[:, 0, 0] = logits[:, BINS - 1, 1] = 0.0
     np.testing.assert_allclose(expected_coordinates(logits)[0], [0.0, 1.0], atol=1e-6)
+
+
+def test_coordinates_that_no_pose_explains_are_nothing_found() -> None:
+    shown = np.zeros((CELLS, CELLS), dtype=bool)
+    shown[:2, :2] = True
+    logits = logits_of(np.full((3, CELLS, CELLS), 0.5), shown)  # one and the same point
+    crop = Crop(320.0, 240.0, 100.0)
+    assert estimator(DenseEstimator).solve([logits], crop, K, TRAINED) is None

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -288,3 +289,23 @@ def test_an_out_that_cannot_be_written(python: Path, dataset: BopDataset, boxes:
         run(python, dataset, boxes, boxes.parent)
     with pytest.raises(InputError, match="cannot be written"):
         run(python, dataset, boxes, boxes / "out.csv")
+
+
+def test_a_command_that_no_system_takes() -> None:
+    with pytest.raises(EstimatorFailedError, match=r"cannot be started \(embedded null byte\)"):
+        run_command([sys.executable, "-c", "print('\0')"])
+
+
+def test_a_command_may_be_run_by_any_thread() -> None:
+    lines: list[str] = []
+    command = [sys.executable, "-c", "print('one\\n\\n  \\ntwo')"]
+    thread = Thread(target=run_command, args=(command,), kwargs={"on_output": lines.append})
+    thread.start()
+    thread.join(60)
+    assert lines == ["one", "two"], "empty lines say nothing"
+
+
+def test_a_command_that_takes_too_long() -> None:
+    with pytest.raises(EstimatorFailedError, match=r"timed out after 0\.2 s") as caught:
+        run_command([sys.executable, "-c", "import time; time.sleep(60)"], timeout_s=0.2)
+    assert caught.value.parameters == ("timeout_s",)

@@ -117,3 +117,29 @@ def test_a_box_far_larger_than_the_image_is_refused(
     key = int(one.scene_id[0]), int(one.im_id[0])
     with pytest.raises(InputError, match="times as large as the image"):
         built_in("dense").estimate(demo.image(*key), demo.camera_of(*key).K, huge)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (b'"dataset": "ycbv"', b'"dataset": 123456', "its dataset is 123456"),
+        (b"\n\tgraspcast\x12", b"\n\tgraspcasT\x12", "lacks the metadata on objects"),
+    ],
+)
+def test_networks_that_are_not_ours(tmp_path: Path, old: bytes, new: bytes, says: str) -> None:
+    whole = (WEIGHTS / "dense.onnx").read_bytes()
+    assert whole.count(old) == 1
+    (tmp_path / "other.onnx").write_bytes(whole.replace(old, new))
+    with pytest.raises(FormatError, match=says):
+        built_in("dense", tmp_path / "other.onnx")
+
+
+def test_a_network_with_other_inputs_does_not_run(
+    tmp_path: Path, dense_inputs: tuple[np.ndarray, np.ndarray, Detections]
+) -> None:
+    whole = (WEIGHTS / "dense.onnx").read_bytes()
+    (tmp_path / "other.onnx").write_bytes(whole.replace(b"\x05image", b"\x05photo"))
+    estimator = built_in("dense", tmp_path / "other.onnx")
+    image, K, seen = dense_inputs
+    with pytest.raises(FormatError, match=r"other\.onnx: does not run"):
+        estimator.estimate(image, K, seen)

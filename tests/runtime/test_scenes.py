@@ -53,3 +53,17 @@ def test_a_fork_does_not_wait_for_a_look_of_another_thread() -> None:
     assert os.waitpid(child, 0)[1] == 0
     done.set()
     thread.join()
+
+
+def test_why_an_episode_ended_is_remembered_of_the_last_ones(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("graspcast.runtime.scenes._REMEMBERED", 2)
+    scenes = Scenes(5, 100.0)
+    for name in ("a", "b", "c"):
+        scenes.add(name, Scene([Frame({})]))
+        scenes.forget(name)
+    with pytest.raises(UnknownEpisodeError, match="a is not known here"):
+        scenes.forget("a")
+    with pytest.raises(UnknownEpisodeError, match="c was forgotten"):
+        scenes.get("c")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,14 @@ import pytest
 
 from episode_world import FOUND, World, new_world
 from graspcast.attempt_log.log import AttemptLog
-from graspcast.errors import GraspcastError, InputError, UnknownEpisodeError, UnknownNameError
+from graspcast.errors import (
+    GraspcastError,
+    InputError,
+    MismatchError,
+    UnknownEpisodeError,
+    UnknownNameError,
+)
+from graspcast.guarantees.certify import certify
 from graspcast.pose.transforms import compose
 from graspcast.runtime.answer import Answer
 from graspcast.runtime.frame import Estimate, Frame
@@ -224,3 +232,55 @@ def test_numbers_near_the_largest_are_no_pose_and_no_warning(watcher: Watcher) -
     large[0, 1] = large[2, 3] = 1e300
     (decision,) = watcher.judge(Frame({"a": [Estimate("d-1", large)]}))
     assert decision.action == "abstain" and decision.instance == -1
+
+
+def within_reach(i: int, reachable: object) -> Frame:
+    usual = frame(i)
+    return Frame(usual.estimates, CAMERAS[i], reachable=reachable)  # type: ignore[arg-type]
+
+
+def test_a_grasp_is_chosen_among_those_within_reach(world: World) -> None:
+    watcher = Watcher(world.forecaster, models=world.models, threshold=0.0, max_looks=1)
+    free = watcher.judge(frame(0))
+    assert [d.grasp for d in free] == ["reference", "reference"]
+    assert [d.probability for d in watcher.judge(within_reach(0, ["reference"]))] == [
+        d.probability for d in free
+    ]
+    for answer in (
+        watcher.judge(within_reach(0, [])),
+        watcher.judge_all([within_reach(0, set())])[0],
+    ):
+        assert isinstance(answer, Answer)
+        assert [d.action for d in answer] == ["abstain", "abstain"]
+        assert all("no grasp is reachable" in d.reason for d in answer)
+    some = watcher.judge_all([frame(1), within_reach(0, {"d-1": []})])[1]
+    assert isinstance(some, Answer)
+    said = {d.object_name: d for d in some}
+    assert said["d-1"].action == "abstain" and said["d-2"].action == "attempt"
+    with pytest.raises(UnknownNameError, match="unknown reachable grasp 'side'"):
+        watcher.judge(within_reach(0, ["side"]))
+
+
+@pytest.mark.ill_typed
+def test_a_certificate_of_all_grasps_serves_no_choice_among_some(world: World) -> None:
+    forecaster = world.forecaster
+    found = certify(np.full(40, 0.95), np.ones(40, bool), np.arange(40), rate=0.9, confidence=0.9)
+    stated = {"model": forecaster.card.digest, "ood_alpha": 0.01}
+    certificate = replace(found, policy=None, provenance=stated)
+    for given in (certificate, [certificate]):
+        watcher = Watcher(forecaster, models=world.models, max_looks=1, certificate=given)
+        assert watcher.judge(frame(0)).look == 1
+        with pytest.raises(MismatchError, match="guarantees nothing where only some are reachable"):
+            watcher.judge(within_reach(0, ["reference"]))
+    with pytest.raises(InputError, match="certificate should be a Certificate, or a list"):
+        Watcher(forecaster, models=world.models, certificate=["c.json"])  # type: ignore[list-item]
+
+
+def test_episodes_are_counted_and_forgotten_once(world: World) -> None:
+    watcher = Watcher(world.forecaster, models=world.models)
+    episode = watcher.judge(frame(0)).episode
+    assert watcher.episodes == 1
+    watcher.forget(episode)
+    assert watcher.episodes == 0
+    with pytest.raises(UnknownEpisodeError, match="was forgotten"):
+        watcher.forget(episode)
