@@ -49,6 +49,14 @@ def test_the_packages_for_ros_are_of_this_version() -> None:
         assert ["".join(found) for found in stated] == [__version__], path
 
 
+def test_the_same_authors_are_named_everywhere() -> None:
+    (author,) = tomllib.loads(text_of("pyproject.toml"))["project"]["authors"]
+    assert f"  - name: {author['name']}\n" in text_of("CITATION.cff")
+    for path in [*ROOT.glob("ros/*/package.xml"), *ROOT.glob("ros/*/setup.py")]:
+        text = path.read_text("utf-8")
+        assert f">{author['name']}</maintainer>" in text or f'maintainer="{author["name"]}"' in text
+
+
 def test_the_changelog_has_this_version_and_what_is_not_released() -> None:
     sections = set(re.findall(r"^## \[(.+)\]", text_of("CHANGELOG.md"), re.M))
     assert {"Unreleased", __version__} <= sections
@@ -116,6 +124,16 @@ def test_an_sdist_without_licences_or_with_tests_is_not_right(tmp_path: Path) ->
     problems = "\n".join(script("build").contents_problems(path))
     assert "tests/data/a.csv does not belong in it" in problems
     assert "NOTICE is missing" in problems
+
+
+def test_what_does_not_work_on_a_package_page_is_found() -> None:
+    problems = script("build").page_problems
+    right = "pip install graspcast && graspcast demo\n[BOP](https://bop.felk.cvut.cz/)"
+    assert problems(right) == []
+    wrong = "pip install -e . && graspcast demo\n![a](docs/a.png) [b](docs/b.md#c)"
+    said = "\n".join(problems(wrong))
+    for part in ("docs/a.png leads", "docs/b.md#c leads", "needs a checkout", "does not say how"):
+        assert part in said
 
 
 def test_a_release_is_refused_without_a_changelog(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -229,11 +229,10 @@ def _told(card: ModelCard, *, views: bool) -> str:
     seen = ", one view" if card.method == ALONE else ""
     seen = ", one or more views" if views else seen
     more = "".join(f", {n} of {name}" for name, n in card.learned_from.items())
-    learned = counted(card.samples, "sample") if card.samples else "simulated trials alone"
+    learned = f", {counted(card.samples, 'sample')}" if card.samples else ""
     return (
         f"{card.principal}{together}{seen}, {card.gripper} gripper, "
-        f"{counted(len(card.objects), 'object')}{simulated}{grasps}, "
-        f"{learned}{more}"
+        f"{counted(len(card.objects), 'object')}{simulated}{grasps}{learned}{more}"
     )
 
 
