@@ -148,6 +148,35 @@ def test_a_release_is_refused_without_a_changelog(monkeypatch: pytest.MonkeyPatc
         release.check_state()
 
 
+def test_a_tag_of_this_version_has_to_be_of_this_commit(monkeypatch: pytest.MonkeyPatch) -> None:
+    release = script("release")
+    said = {"status": "", "tag": "abc", "rev-parse": "abc"}
+    monkeypatch.setattr(release, "_output", lambda *command: said[command[1]])
+    release.check_state()
+    said["tag"] = "def"
+    with pytest.raises(SystemExit, match="is the tag of another commit"):
+        release.check_state()
+
+
+def test_what_was_not_tested_is_called_no_release(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    release = script("release")
+    ran = []
+    monkeypatch.setattr(release, "check_state", lambda: None)
+    monkeypatch.setattr(release, "_run", lambda *command, **_: ran.append(str(command[1])))
+    command = ["release.py", "--out", str(tmp_path), "--without", "uvx", "sbom", "checksums"]
+    monkeypatch.setattr(sys, "argv", [*command, "--skip-tests"])
+    release.main()
+    out = capsys.readouterr().out
+    assert out.startswith("NOT A RELEASE: left out are tests, lowest, newest, uvx")
+    assert "Do not upload" in out and "twine upload" not in out
+    assert [Path(name).name for name in ran] == ["lint.py", "build.py", "try_wheel.py"]
+    (tmp_path / "old.whl").touch()
+    with pytest.raises(SystemExit, match="is not empty"):
+        release.main()
+
+
 def test_no_file_names_this_machine() -> None:
     for name in ("NOTICE", "CITATION.cff", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md"):
         assert str(ROOT) not in text_of(name)
