@@ -27,7 +27,7 @@ exclude_patterns = ["_build"]
 templates_path = ["_templates"]
 
 myst_heading_anchors = 4
-myst_enable_extensions = ["colon_fence"]
+myst_enable_extensions = ["colon_fence", "deflist"]
 nb_execution_mode = "off"
 
 autosummary_generate = True

@@ -3,12 +3,14 @@
 python scripts/build.py [--out dist]
 
 The sdist is built from the checkout, and the wheel from the sdist, as installers do. twine checks
-both, and their contents and sizes are checked. It is refused to build beside older files.
+both, and their contents, sizes and the text of the package page are checked. It is refused to build
+beside older files.
 """
 
 from __future__ import annotations
 
 import argparse
+import email
 import re
 import subprocess
 import sys
@@ -43,8 +45,27 @@ def main() -> None:
     files = sorted(path for path in out.iterdir() if path.suffix in (".whl", ".gz"))
     subprocess.run([*run, "twine", "check", "--strict", *map(str, files)], check=True)
     problems = [problem for path in files for problem in contents_problems(path)]
+    problems += page_problems(described(next(path for path in files if path.suffix == ".whl")))
     if problems:
         sys.exit("\n".join(problems))
+
+
+def described(wheel: Path) -> str:
+    """Return the text of a wheel's package page."""
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = (n for n in archive.namelist() if n.endswith(".dist-info/METADATA"))
+        return email.message_from_bytes(archive.read(name)).get_payload()
+
+
+def page_problems(page: str) -> list[str]:
+    """Return what does not work on a package page: links into the repository, commands of it."""
+    links = re.findall(r"\]\((?!https?://)([^)]*)\)", page)
+    problems = [f"package page: {link} leads nowhere there" for link in links]
+    if "pip install -e" in page:
+        problems.append("package page: pip install -e needs a checkout")
+    if "pip install graspcast && graspcast demo" not in page:
+        problems.append("package page: does not say how to install it and run the demonstration")
+    return problems
 
 
 def contents_problems(path: Path) -> list[str]:

@@ -78,9 +78,7 @@ class Mutant:
 
     def diff(self, mutated: str) -> str:
         """Return what is different, without the names of files."""
-        lines = difflib.unified_diff(
-            self.text.splitlines(), mutated.splitlines(), lineterm="", n=1
-        )
+        lines = difflib.unified_diff(self.text.splitlines(), mutated.splitlines(), lineterm="", n=1)
         return "\n".join(list(lines)[2:])
 
 

@@ -1,12 +1,15 @@
 """Run every check, build a release into dist/, and say what is left to do. Nothing is uploaded.
 
-python scripts/release.py [--out dist] [--without STEP ...]
+python scripts/release.py [--out dist] [--skip-tests] [--without STEP ...]
 
 Steps, in their order: ``state`` (nothing uncommitted, and a changelog of this version), ``lint``,
 ``tests`` (all), ``lowest`` and ``newest`` (fast tests with the oldest and newest dependencies),
 ``build`` (sdist and wheel, and what they hold), ``wheel`` (used in a fresh environment, with the
 demonstration), ``uvx`` (the demonstration by ``uvx``, straight from the wheel), ``sbom`` (a
 CycloneDX list of the wheel and all that it depends on) and ``checksums``.
+
+--skip-tests leaves out ``tests``, ``lowest`` and ``newest``. If anything is left out, the result is
+called no release.
 """
 
 from __future__ import annotations
@@ -27,6 +30,7 @@ from environments import program, python_of
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = ROOT / "scripts"
+TESTS = ("tests", "lowest", "newest")
 
 
 def main() -> None:
@@ -46,13 +50,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=out, help="default: dist")
     parser.add_argument("--without", nargs="+", choices=steps, default=[], metavar="STEP")
+    parser.add_argument("--skip-tests", action="store_true", help=f"without {', '.join(TESTS)}")
     options = parser.parse_args()
+    without = {*options.without, *(TESTS if options.skip_tests else ())}
+    if "build" not in without and options.out.is_dir() and any(options.out.iterdir()):
+        sys.exit(f"{options.out}: is not empty; delete it, or choose another directory")
+    left_out = ", ".join(name for name in steps if name in without)
+    if left_out:
+        print(f"NOT A RELEASE: left out are {left_out}", flush=True)
     for name, step in steps.items():
-        if name not in options.without:
+        if name not in without:
             print(f"\n== {name}", flush=True)
             began = time.perf_counter()
             step(options.out.resolve())
             print(f"== {name}: {time.perf_counter() - began:.0f} s", flush=True)
+    if left_out:
+        print(f"\nNOT A RELEASE: {left_out} did not run. Do not upload what is in {options.out}.")
+        return
     print(f"\n{options.out} holds graspcast {version()}. Left to do, if it is to be released:")
     print(f"  git tag -a v{version()} -m 'graspcast {version()}' && git push origin v{version()}")
     print(f"  python -m twine upload {options.out}/*.whl {options.out}/*.tar.gz")
@@ -69,8 +83,14 @@ def check_state() -> None:
     changed = _output("git", "status", "--porcelain")
     if changed:
         sys.exit(f"not committed:\n{changed}")
-    if _output("git", "tag", "--list", f"v{version()}"):
-        sys.exit(f"v{version()} is tagged already; raise the version in src/graspcast/_version.py")
+    tagged = _output(
+        "git", "tag", "--list", f"v{version()}", "--format=%(*objectname)%(objectname)"
+    )
+    if tagged and not tagged.startswith(_output("git", "rev-parse", "HEAD")):
+        sys.exit(
+            f"v{version()} is the tag of another commit; raise the version in "
+            "src/graspcast/_version.py"
+        )
     if f"## [{version()}]" not in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"):
         sys.exit(f"CHANGELOG.md has no section [{version()}]")
     if f"\nversion: {version()}\n" not in (ROOT / "CITATION.cff").read_text(encoding="utf-8"):

@@ -49,6 +49,14 @@ def test_the_packages_for_ros_are_of_this_version() -> None:
         assert ["".join(found) for found in stated] == [__version__], path
 
 
+def test_the_same_authors_are_named_everywhere() -> None:
+    (author,) = tomllib.loads(text_of("pyproject.toml"))["project"]["authors"]
+    assert f"  - name: {author['name']}\n" in text_of("CITATION.cff")
+    for path in [*ROOT.glob("ros/*/package.xml"), *ROOT.glob("ros/*/setup.py")]:
+        text = path.read_text("utf-8")
+        assert f">{author['name']}</maintainer>" in text or f'maintainer="{author["name"]}"' in text
+
+
 def test_the_changelog_has_this_version_and_what_is_not_released() -> None:
     sections = set(re.findall(r"^## \[(.+)\]", text_of("CHANGELOG.md"), re.M))
     assert {"Unreleased", __version__} <= sections
@@ -118,6 +126,16 @@ def test_an_sdist_without_licences_or_with_tests_is_not_right(tmp_path: Path) ->
     assert "NOTICE is missing" in problems
 
 
+def test_what_does_not_work_on_a_package_page_is_found() -> None:
+    problems = script("build").page_problems
+    right = "pip install graspcast && graspcast demo\n[BOP](https://bop.felk.cvut.cz/)"
+    assert problems(right) == []
+    wrong = "pip install -e . && graspcast demo\n![a](docs/a.png) [b](docs/b.md#c)"
+    said = "\n".join(problems(wrong))
+    for part in ("docs/a.png leads", "docs/b.md#c leads", "needs a checkout", "does not say how"):
+        assert part in said
+
+
 def test_a_release_is_refused_without_a_changelog(monkeypatch: pytest.MonkeyPatch) -> None:
     release = script("release")
     monkeypatch.setattr(release, "_output", lambda *command: "")
@@ -128,6 +146,35 @@ def test_a_release_is_refused_without_a_changelog(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(release, "_output", lambda *command: " M README.md")
     with pytest.raises(SystemExit, match="not committed"):
         release.check_state()
+
+
+def test_a_tag_of_this_version_has_to_be_of_this_commit(monkeypatch: pytest.MonkeyPatch) -> None:
+    release = script("release")
+    said = {"status": "", "tag": "abc", "rev-parse": "abc"}
+    monkeypatch.setattr(release, "_output", lambda *command: said[command[1]])
+    release.check_state()
+    said["tag"] = "def"
+    with pytest.raises(SystemExit, match="is the tag of another commit"):
+        release.check_state()
+
+
+def test_what_was_not_tested_is_called_no_release(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    release = script("release")
+    ran = []
+    monkeypatch.setattr(release, "check_state", lambda: None)
+    monkeypatch.setattr(release, "_run", lambda *command, **_: ran.append(str(command[1])))
+    command = ["release.py", "--out", str(tmp_path), "--without", "uvx", "sbom", "checksums"]
+    monkeypatch.setattr(sys, "argv", [*command, "--skip-tests"])
+    release.main()
+    out = capsys.readouterr().out
+    assert out.startswith("NOT A RELEASE: left out are tests, lowest, newest, uvx")
+    assert "Do not upload" in out and "twine upload" not in out
+    assert [Path(name).name for name in ran] == ["lint.py", "build.py", "try_wheel.py"]
+    (tmp_path / "old.whl").touch()
+    with pytest.raises(SystemExit, match="is not empty"):
+        release.main()
 
 
 def test_no_file_names_this_machine() -> None:

@@ -24,7 +24,7 @@ setup(
     ],
     install_requires=["setuptools"],
     zip_safe=True,
-    maintainer="graspcast's maintainers",
+    maintainer="The graspcast authors",
     maintainer_email="noreply@example.com",
     description="Verdicts on the grasps that pose estimates would guide, as a lifecycle node.",
     license="Apache-2.0",

@@ -55,6 +55,8 @@ def test_simulated_trials_beside_outcomes_of_another_object(
     more = ["--outcomes", str(trained / "first.csv"), "--simulated", str(trained / "campaign")]
     assert main(forests.train(trained, "both.npz", *more)) == 0
     assert "2 objects (1 by simulation alone), 60 samples" in capsys.readouterr().out
+    assert main(forests.train(trained, "alone.npz", "--simulated", more[-1])) == 0
+    assert capsys.readouterr().out.endswith("1 object (1 by simulation alone)\n")
 
 
 def test_nothing_to_learn_from(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -168,7 +168,7 @@ def _make(
     # What a file alone tells is said before hours of decomposition.
     steps = (check_mesh, make_object) if len(sources) > 1 else (make_object,)
     for step in steps:
-        with progress_bar("checking" if step is check_mesh else "reading") as move:
+        with progress_bar("checking" if step is check_mesh else "adding") as move:
             for i, source in enumerate([s for s in sources if s.path not in refused]):
                 move(i / len(sources), source.path.name)
                 try:
@@ -250,6 +250,8 @@ def _remarks(options: argparse.Namespace, made: Sequence[NewObject]) -> list[str
     said = ["origin and axes are those of the mesh files, in models, estimates and grasps alike"]
     if any(one.entry.friction_source.startswith("assumed") for one in made):
         said.append("friction 0.8 is assumed (--friction): coated cardboard or plastic on rubber")
+    if options.up is None and any(one.entry.up != (0.0, 0.0, 1.0) for one in made):
+        said.append("if an object stands otherwise, say how: --up 0 1 0 for y up")
     if any(one.collision.sticks_out_m > _STICKS_OUT_M for one in made):
         said.append(
             "where collision pieces reach far outside of the mesh, they fill hollows; --pieces 16 "

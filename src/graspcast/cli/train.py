@@ -229,10 +229,10 @@ def _told(card: ModelCard, *, views: bool) -> str:
     seen = ", one view" if card.method == ALONE else ""
     seen = ", one or more views" if views else seen
     more = "".join(f", {n} of {name}" for name, n in card.learned_from.items())
+    learned = f", {counted(card.samples, 'sample')}" if card.samples else ""
     return (
         f"{card.principal}{together}{seen}, {card.gripper} gripper, "
-        f"{counted(len(card.objects), 'object')}{simulated}{grasps}, "
-        f"{counted(card.samples, 'sample')}{more}"
+        f"{counted(len(card.objects), 'object')}{simulated}{grasps}{learned}{more}"
     )
 
 
@@ -257,9 +257,10 @@ def _carried(forecaster: Forecaster, path: Path | None) -> str:
     assert known is not None
     names = [set(card.grasps_of(name)) <= set(known.grasps.get(name, {})) for name in card.objects]
     source = "the built-in ones" if path is None else f"of {path} and the built-in ones"
+    hint = "" if all(names) else "; --grasps gives those that the outcomes are of"
     return (
         f"the model file carries the {card.gripper} gripper's grasps of {sum(names)} of "
-        f"{counted(len(names), 'object')} ({source}); --grasps gives those that the outcomes are of"
+        f"{counted(len(names), 'object')} ({source}){hint}"
     )
 
 

@@ -64,6 +64,19 @@ def test_a_part_that_does_not_stand_lies_as_it_does_and_that_is_said(tmp_path: P
     assert "topples" in refused(tmp_path / "rod.stl", rod, up=(0.0, 0.0, 1.0))
 
 
+def test_a_part_with_y_up_is_told_so(tmp_path: Path) -> None:
+    cone = trimesh.creation.cone(50.0, 70.0)
+    cone.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))
+    (said,) = made(tmp_path / "cone.stl", cone).remarks
+    assert said.endswith("it would also stand with y up")
+
+
+@pytest.mark.parametrize("told", [{"mass_kg": 2.4}, {"mass_kg": None, "density": 10_000.0}])
+def test_an_object_denser_than_copper_is_asked_about(tmp_path: Path, told: dict[str, Any]) -> None:
+    (said,) = made(tmp_path / "box.stl", BOX, **told).remarks
+    assert "10,000 kg/m³ are more than those of steel" in said
+
+
 @pytest.mark.parametrize("thickness", [0.0005, pytest.param(0.003, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("part", [plate, pytest.param(profile, marks=pytest.mark.slow)])
 def test_collision_pieces_of_thin_parts_are_as_thin(

@@ -28,7 +28,12 @@ from graspcast.simulation.objects.meshes import (
     read_mesh,
     read_mesh_and_unit,
 )
-from graspcast.simulation.objects.plausibility import DENSITIES, FRICTIONS, check_diameter
+from graspcast.simulation.objects.plausibility import (
+    DENSITIES,
+    FRICTIONS,
+    check_diameter,
+    odd_density,
+)
 from graspcast.simulation.objects.rest_pose import LARGEST_TILT_RAD, stable_ups
 from graspcast.simulation.objects.surface import Surface
 from graspcast.simulation.objects.symmetries import Symmetries, find_symmetries
@@ -147,6 +152,8 @@ def make_object(
     shape = choose_collision(mesh, surface, closed=closed, pieces=told.pieces)
     mass = _mass(mesh, shape, told, what, closed=closed)
     remarks.append("" if closed else f"{why_open}; volume and inertia are of its collision pieces")
+    density = (told.mass_kg or float(told.density or 0) * mass.volume_m3) / mass.volume_m3
+    remarks.append(odd_density(what, density))
     up, chosen = _up(shape, mass.centroid, told)
     remarks.append("" if chosen is None else f"{what}: {chosen}")
     entry = ObjectEntry(
@@ -309,13 +316,16 @@ def _up(
     if told.up is not None:
         return told.up, None
     ups, heights = stable_ups(shape.pieces, centroid)
-    stands = ups[:, 2] >= np.cos(LARGEST_TILT_RAD)
-    if stands.any():
+    upright = np.cos(LARGEST_TILT_RAD)
+    if (ups[:, 2] >= upright).any():
         return (0.0, 0.0, 1.0), None
     lowest = ups[np.argmin(heights)]
     up = tuple(float(x) + 0.0 for x in np.round(lowest, 3))
     words = ", ".join(f"{x:g}" for x in up)
-    return up, f"it does not stand with z up; it lies with ({words}) up, its centroid lowest"
+    said = f"it does not stand with z up; it lies with ({words}) up, its centroid lowest"
+    axes = [("y", ups[:, 1]), ("-y", -ups[:, 1]), ("x", ups[:, 0]), ("-x", -ups[:, 0])]
+    others = [name for name, along in axes if (along >= upright).any()]
+    return up, said + (f"; it would also stand with {' or '.join(others)} up" if others else "")
 
 
 def _symmetries(surface: Surface, told: Told, info: ModelInfo | None) -> tuple[Symmetries, str]:

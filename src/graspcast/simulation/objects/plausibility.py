@@ -29,6 +29,7 @@ __all__ = [
     "density_of",
     "describe_object",
     "is_friction",
+    "odd_density",
 ]
 
 _USUAL_SIZES = (0.01, 0.5)
@@ -46,6 +47,7 @@ FRICTION_IN_WORDS = f"from 0 to {FRICTIONS[1]:g} (soft rubber)"
 """What :func:`is_friction` demands, for messages."""
 
 _USUAL_DENSITIES = (60.0, 12_000.0)
+_DENSEST_USUAL = 9_000.0
 _FARTHEST_GRASP_M, _NEAR_GRASP_M = 0.25, 0.02
 _SLACK_M = 0.005
 _SIDES = (0.4, 1.6)
@@ -100,6 +102,16 @@ def check_density(
         f"{_grouped(DENSITIES[1])} kg/m³; "
         + (f"is {' or '.join(meant)}?" if meant else "correct the mass or the mesh's unit"),
         parameters=parameters,
+    )
+
+
+def odd_density(what: str, density: float) -> str:
+    """Return a remark on a density that few objects have, kg/m3; empty if it is usual."""
+    if density <= _DENSEST_USUAL:
+        return ""
+    return (
+        f"{what}: its {_grouped(density)} kg/m³ are more than those of steel (7,850) and copper "
+        "(8,960); is its mass right?"
     )
 
 
