@@ -246,6 +246,7 @@ def test_a_model_without_views_says_so_where_the_fused_pose_should_guide(
     assert capsys.readouterr().err.count(said) == 1
 
 
+@pytest.mark.slow
 def test_one_estimator_is_enough_with_views(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -28,6 +28,7 @@ def test_watch_says_the_outcome_and_draws_it(
     assert "missed" in heard.out and "--full" in heard.err
 
 
+@pytest.mark.slow
 def test_a_hand_that_goes_too_deep_is_said_to_stop_short(
     tmp_path: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -125,6 +125,7 @@ def test_an_unknown_grasp_cannot_be_forecast(given: Given) -> None:
         given.forecaster.probability(given.data.estimates, given.models, grasp="g2")
 
 
+@pytest.mark.slow
 def test_the_order_of_grasps_makes_no_difference(given: Given) -> None:
     others = dict(reversed(given.data.others.items()))
     again = given.fitted(dataclasses.replace(given.data, others=others), guides=("a", "b"))

@@ -45,6 +45,7 @@ def test_options_are_passed_on() -> None:
     assert half.targetoptions["fastmath"]
 
 
+@pytest.mark.slow
 def test_machine_code_is_kept(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(PROGRAM)

@@ -111,7 +111,7 @@ def test_poses_behind_the_camera_hint_at_its_axes_or_at_the_inverse() -> None:
     assert behind_hint(1, 20) == behind_hint(2, 2) == ""
 
 
-@pytest.mark.parametrize("name", ["lmo", "ycbv"])
+@pytest.mark.parametrize("name", ["lmo", pytest.param("ycbv", marks=pytest.mark.slow)])
 def test_published_estimators_are_never_accused_and_always_found_out(
     data: Published, name: str
 ) -> None:

@@ -111,6 +111,7 @@ def test_the_browser_finds_nothing_wrong(browser: Browser, page: Path, pictured:
     check_page(browser, pictured)
 
 
+@pytest.mark.slow
 def test_tables_sort_by_pointer_and_by_key(browser: Browser, page: Path) -> None:
     with browser.open(page) as opened:
         table = opened.page.locator("#run-1-verdicts table")
@@ -134,6 +135,7 @@ def test_tables_sort_by_pointer_and_by_key(browser: Browser, page: Path) -> None
         assert rates.locator("tbody tr").count() == 5
 
 
+@pytest.mark.slow
 def test_the_theme_is_kept(browser: Browser, page: Path) -> None:
     background = "getComputedStyle(document.body).backgroundColor"
     with browser.open(page) as opened:
@@ -155,6 +157,7 @@ def test_the_theme_is_kept(browser: Browser, page: Path) -> None:
         assert opened.page.evaluate(background) == light
 
 
+@pytest.mark.slow
 def test_the_keyboard_reaches_everything(browser: Browser, pictured: Path) -> None:
     with browser.open(pictured) as opened:
         page = opened.page
@@ -187,6 +190,7 @@ def test_the_keyboard_reaches_everything(browser: Browser, pictured: Path) -> No
         assert opened.said == []
 
 
+@pytest.mark.slow
 def test_the_data_of_a_figure_can_be_downloaded(browser: Browser, page: Path) -> None:
     with browser.open(page) as opened:
         link = opened.page.locator("#run-2-verdicts a.csv")

@@ -67,6 +67,7 @@ def test_the_pose_on_its_image_and_the_moments_of_the_trial(
     assert painter.notes == {}
 
 
+@pytest.mark.slow
 def test_the_same_trial_gives_the_same_bytes(trials: Trials) -> None:
     row, error = rows_of(trials)[0], obj_T_est(trials.table)[0]
     first, again = (painted(trials).strip(row, 0, error)[0] for _ in range(2))

@@ -126,6 +126,7 @@ def test_the_batch_makes_no_difference_bit_by_bit(
     assert_array_equal(single, together)
 
 
+@pytest.mark.slow
 def test_training_again_is_the_same_bit_by_bit_and_another_seed_is_not(
     forecaster: Forecaster, models: dict[str, Models]
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from sklearn.ensemble import (
     RandomForestRegressor,
 )
 
-from graspcast.forecasting.models.forest import Forest, flatten
+from graspcast.forecasting.models.forest import Forest, flatten, grow
 
 KINDS = [
     ExtraTreesClassifier,
@@ -191,3 +192,19 @@ def test_arrays_of_other_types_and_lengths_are_refused(name: str) -> None:
     for wrong in (whole[:-1], whole[None], whole.astype(str), whole[:0]):
         with pytest.raises(ValueError, match="forest"):
             Forest.from_arrays(stump() | {f"f/{name}": wrong}, "f")
+
+
+def test_growing_leaves_the_filters_of_warnings_as_they_were() -> None:
+    """Threads of scikit-learn may have the filters of one another back in the wrong order."""
+
+    class Racing(ExtraTreesClassifier):
+        def fit(self, *arguments: Any, **more: Any) -> Racing:
+            super().fit(*arguments, **more)
+            warnings.resetwarnings()
+            return self
+
+    before = list(warnings.filters)
+    rows = table(0)
+    forest = grow(Racing(4, n_jobs=2), rows, rows[:, 0] > 0)
+    assert forest.trees == 4
+    assert list(warnings.filters) == before

@@ -17,7 +17,7 @@ from graspcast.forecasting.models.visibility_settings import VisibilitySettings
 from graspcast.forecasting.visibility_features import visibility_features
 from poses import random_poses
 
-QUICK = VisibilitySettings(trees=10)
+QUICK = VisibilitySettings(trees=10, folds=2)
 
 
 class World:

@@ -37,6 +37,7 @@ def test_the_same_seed_the_same_files_and_more_scenes_leave_the_first_alone(
     assert digests(one / "test" / "000001") != digests(other / "test" / "000001")
 
 
+@pytest.mark.slow
 def test_our_own_reader_reads_all_of_it(models: Path, tmp_path: Path) -> None:
     settings = RenderSettings(scenes=2, images=2, seed=1, image_format="png")
     root = render_dataset(models, tmp_path / "made", settings, obj_ids=[1, 7])

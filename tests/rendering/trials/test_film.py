@@ -22,6 +22,7 @@ from graspcast.simulation.trial.recording import Recording, record_trial
 from graspcast.simulation.trial.trial import Outcome, TrialRunner
 
 
+@pytest.mark.slow
 def test_a_strip_shows_the_moments_and_tells_held_from_missed(
     tmp_path: Path, renderer: SceneRenderer, held: Recording, missed: Recording
 ) -> None:

@@ -7,6 +7,7 @@ of one row takes microseconds instead of milliseconds.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, no_type_check
@@ -19,7 +20,7 @@ from graspcast.io.cached import cached_property
 from graspcast.io.compiling import cached_njit
 from graspcast.pose.parallel import over_rows
 
-__all__ = ["WALK_NS", "Forest", "flatten", "walk"]
+__all__ = ["WALK_NS", "Forest", "flatten", "grow", "walk"]
 
 WALK_NS = 60.0
 """About how many nanoseconds a row takes through a tree."""
@@ -127,6 +128,17 @@ class Forest:
         """Raise a ValueError for rows with fewer columns than the forest tests."""
         if rows.shape[1] < self.columns:
             raise ValueError(f"a forest needs {self.columns} columns, not {rows.shape[1]}")
+
+
+def grow(model: Any, rows: Float[ndarray, "n d"], targets: ndarray) -> Forest:
+    """Fit a scikit-learn forest, and convert it to arrays.
+
+    Its threads change the filters of warnings, which are the whole process's, and may leave others
+    behind; by those, the next forest would warn once a tree. They are set back.
+    """
+    with warnings.catch_warnings():
+        model.fit(rows.astype(np.float32), targets)
+    return flatten(model)
 
 
 def flatten(model: Any) -> Forest:
