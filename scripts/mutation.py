@@ -47,7 +47,7 @@ ROOT = Path(__file__).parents[1]
 PRELOADED = ["hypothesis.strategies", "numba", "pytest", "scipy.optimize", "scipy.spatial"]
 PRELOADED += ["scipy.stats", "scipy.special", "jaxtyping"]
 # Every process works alone, and there are as many of them as processors.
-ALONE = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "POLARS_MAX_THREADS")}
+ALONE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "POLARS_MAX_THREADS"), "1")
 ADDOPTS = "--import-mode=importlib --strict-markers"
 PYTEST = ["-o", f"addopts={ADDOPTS}", "-p", "no:cacheprovider", "-p", "pytest_timeout"]
 PYTEST += ["-x", "-q", "--tb=no"]
@@ -350,7 +350,8 @@ def _groups(known: list[tuple[Mutant, dict[str, Any]]]) -> Iterator[tuple[str, l
     """Yield modules and packages, by name, with what is known of them."""
     names = {m.module for m, _ in known}
     for name in sorted(names | {name.partition("/")[0] for name in names}):
-        yield name, [(m, r) for m, r in known if m.module == name or m.module.startswith(f"{name}/")]
+        below = f"{name}/"
+        yield name, [(m, r) for m, r in known if m.module == name or m.module.startswith(below)]
 
 
 def _interval(killed: int, of: int) -> str:
