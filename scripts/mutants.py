@@ -94,9 +94,11 @@ def mutants_of(path: Path, module: str) -> list[Mutant]:
     mutants = []
     for name in OPERATORS:
         operator = provider[name]()
-        places = [place for node in nodes for place in operator.mutation_positions(node)]
-        for occurrence, (start, _) in enumerate(places):
-            if not any(a <= start < b for a, b in left_out):
+        places = [(node, place) for node in nodes for place in operator.mutation_positions(node)]
+        for occurrence, (node, (start, _)) in enumerate(places):
+            # Cosmic Ray takes the * that begins keyword-only parameters for a product.
+            separator = node.parent is not None and node.parent.type == "parameters"
+            if not separator and not any(a <= start < b for a, b in left_out):
                 mutants.append(Mutant(module, source, name, occurrence, start[0]))
     return mutants
 

@@ -350,10 +350,8 @@ def _groups(known: list[tuple[Mutant, dict[str, Any]]]) -> Iterator[tuple[str, l
     """Yield modules and packages, by name, with what is known of them."""
     names = {m.module for m, _ in known}
     for name in sorted(names | {name.partition("/")[0] for name in names}):
-        yield (
-            name,
-            [(m, r) for m, r in known if m.module == name or m.module.startswith(f"{name}/")],
-        )
+        below = f"{name}/"
+        yield name, [(m, r) for m, r in known if m.module == name or m.module.startswith(below)]
 
 
 def _interval(killed: int, of: int) -> str:

@@ -82,3 +82,58 @@ def test_intervals_of_fractions_cover_their_mean(spread: float) -> None:
     assert missed <= 50 + 3 * math.sqrt(45)
     assert mean_interval(np.zeros(5), 0.9)[0] == 0.0
     assert mean_interval(np.ones(5), 0.9)[1] == 1.0
+
+
+@pytest.mark.parametrize("total", [0.4, 3.0, 12.4, 39.7])
+def test_an_interval_of_fractions_has_tails_smaller_by_e(total: float) -> None:
+    """The tails of the binomial distributions with the ends as their rates, counts rounded."""
+    n = 40
+    low, high = mean_interval(np.full(n, total / n), 0.9)
+    tail = 0.05 / math.e
+    if total >= 1:
+        assert binom.sf(math.floor(total) - 1, n, low) == pytest.approx(tail)
+    else:
+        assert low == 0.0
+    if total <= n - 1:
+        assert binom.cdf(math.ceil(total), n, high) == pytest.approx(tail)
+    else:
+        assert high == 1.0
+
+
+def test_power_of_few_trials() -> None:
+    # One success is enough for a rate of 0.05: it had a probability of 0.05 or less.
+    assert power(1, 0.3, rate=0.05, confidence=0.9) == pytest.approx(0.3)
+    assert power(1, 0.3, rate=0.2, confidence=0.9) == 0.0
+    assert power(2, 0.3, rate=0.3, confidence=0.9) == pytest.approx(0.3**2)
+    assert power(22, 0.95, rate=0.9, confidence=0.9) == pytest.approx(0.95**22)
+    assert power(21, 0.95, rate=0.9, confidence=0.9) == 0.0
+
+
+@pytest.mark.parametrize("confidence", [0.8, 0.95])
+@pytest.mark.parametrize("observed", [0.93, 0.92, 0.915, 0.9113])
+def test_needed_trials_are_the_fewest_also_if_many(observed: float, confidence: float) -> None:
+    trials = np.arange(1, 10_001)
+    failures = np.ceil((1 - observed) * trials - 1e-9)
+    enough = trials[binom.cdf(failures, trials, 1 - 0.9) <= 1 - confidence]
+    fewest = int(enough[0])
+    asked = {"rate": 0.9, "confidence": confidence}
+    assert needed_trials(observed, **asked) == fewest
+    assert needed_trials(observed, **asked, max_trials=fewest) == fewest
+    assert needed_trials(observed, **asked, max_trials=fewest - 1) is None
+
+
+@pytest.mark.parametrize("needed", [1, 255, 256, 257, 1023, 1024, 1025])
+def test_needed_trials_where_all_succeed_whatever_their_number(needed: int) -> None:
+    """The rate that so many successes just show: rate ** needed is 0.1."""
+    rate = 0.1 ** (1 / needed) - 1e-9
+    asked = {"rate": rate, "confidence": 0.9}
+    assert needed_trials(1.0, **asked) == needed
+    assert needed_trials(1.0, **asked, max_trials=needed) == needed
+    assert needed_trials(1.0, **asked, max_trials=needed - 1) is None
+
+
+def test_more_trials_than_the_default_limit_are_too_many() -> None:
+    rate = 0.1 ** (1 / 10_000) - 1e-12
+    assert needed_trials(1.0, rate=rate, confidence=0.9) == 10_000
+    rate = 0.1 ** (1 / 10_001) - 1e-12
+    assert needed_trials(1.0, rate=rate, confidence=0.9) is None

@@ -13,13 +13,15 @@ from scipy.stats import binomtest
 
 from graspcast.errors import InputError
 from graspcast.estimates.instances import unit_names
+from graspcast.guarantees.binomial import lower_bound, mean_interval, needed_trials
+from graspcast.guarantees.certificate import MAX_UNITS, OVERALL
 from graspcast.guarantees.certify import certify
 from graspcast.guarantees.threshold_sequence import (
     ThresholdSequence,
     default_sequence,
     learn_sequence,
 )
-from graspcast.guarantees.unit_draws import Weight
+from graspcast.guarantees.unit_draws import UnitDraws, UnitShares, Weight
 from synthetic import estimates
 from worlds import ASKED, World, drawn
 
@@ -284,3 +286,102 @@ def test_bad_input_is_refused(change: dict[str, object], message: str) -> None:
 def test_no_trials_are_refused() -> None:
     with pytest.raises(InputError, match="no calibration trials"):
         certify(np.zeros(0), np.zeros(0, bool), np.zeros(0, int), **ASKED)
+
+
+def sequential(
+    draws: UnitDraws, sequence: ThresholdSequence, rate: float, allowed: float
+) -> tuple[float | None, float]:
+    """The fallback procedure of Wiens, with SciPy's test: the last that passes, and its level."""
+    passed: list[tuple[float, float]] = []
+    carried = 0.0
+    for threshold, weight in zip(sequence.thresholds, sequence.weights, strict=True):
+        level = carried + weight * allowed
+        attempts, held = draws.count(threshold)
+        value = binomtest(held, attempts, rate, alternative="greater").pvalue if attempts else 1.0
+        carried = level if level > 0 and value <= level else 0.0
+        if carried:
+            passed.append((threshold, carried))
+    return passed[-1] if passed else (None, allowed)
+
+
+def fewest_units(
+    world: tuple[ndarray, ndarray, ndarray], sequence: ThresholdSequence, rate: float, conf: float
+) -> tuple[float, int | None]:
+    """The threshold that the fewest units would certify, trying each with any number of them."""
+    best: tuple[int, float] | None = None
+    for threshold in sequence.thresholds:
+        shares = UnitShares.at(threshold, *world)
+        share, success_rate = shares.expected_draws("attempt")
+        trials = needed_trials(success_rate, rate=rate, confidence=conf) if share else None
+        if trials is not None and (best is None or math.ceil(trials / share) < best[0]):
+            best = math.ceil(trials / share), threshold
+    if best is None or best[0] > MAX_UNITS:
+        return sequence.thresholds[int(np.argmax(sequence.weights))], None
+    return best[1], best[0]
+
+
+@pytest.mark.parametrize("scenes", [12, 60, 300])
+@pytest.mark.parametrize("seed", range(8))
+def test_certification_is_the_fallback_procedure(scenes: int, seed: int) -> None:
+    probability, success, units = drawn(World(scenes, 3), seed)
+    thresholds = (0.97, 0.93, 0.9, 0.85, 0.8, 0.7, 0.5)
+    sequence = ThresholdSequence(thresholds, (0.1, 0.0, 0.4, 0.3, 0.0, 0.2, 0.0), "the test")
+    rate, confidence = (0.9, 0.9) if seed % 2 else (0.8, 0.95)
+    found = certify(
+        probability, success, units, rate=rate, confidence=confidence, sequence=sequence, seed=seed
+    ).overall
+    draws = UnitDraws(probability, success, units, "attempt", seed)
+    certified, level = sequential(draws, sequence, rate, 1 - confidence)
+    assert found.threshold == certified
+    reported, needed = certified, None
+    if certified is None:
+        reported, needed = fewest_units((probability, success, units), sequence, rate, confidence)
+    assert (found.reported_threshold, found.needed_units) == (reported, needed)
+    attempts, held = draws.count(reported)
+    assert (found.drawn_attempts, found.drawn_successes) == (attempts, held)
+    assert found.lower_bound == pytest.approx(lower_bound(held, attempts, 1 - level))
+    assert certified is None or found.lower_bound >= rate
+    attempted = probability >= reported
+    assert (found.attempts, found.successful_attempts) == (
+        attempted.sum(),
+        success[attempted].sum(),
+    )
+    assert (found.units, found.trials) == (scenes, 3 * scenes)
+    by_unit = attempted.reshape(scenes, 3).mean(axis=1)
+    assert found.attempt_rate == pytest.approx(by_unit.mean())
+    assert found.attempt_rate_interval == pytest.approx(mean_interval(by_unit, confidence))
+
+
+@pytest.mark.parametrize("other", [0, 1, 5])
+def test_guarantees_of_other_calls_take_their_part_of_the_error(other: int) -> None:
+    probability, success, units = drawn(World(60, 4), 0)
+    objects = np.array(["d-1", "d-2", "d-3"])[units % 3]
+    options = {"objects": objects, "other_guarantees": other, **ASKED}
+    together = certify(probability, success, units, simultaneous=True, **options)
+    assert together.family_size == 4 + other
+    for guarantee in together.guarantees:
+        assert guarantee.confidence == pytest.approx(1 - 0.1 / (4 + other))
+    alone = certify(probability, success, units, **options)
+    assert alone.family_size == 1
+    assert [g.confidence for g in alone.guarantees] == pytest.approx([0.9] * 4)
+    assert [g.scope for g in alone.guarantees] == [OVERALL, "d-1", "d-2", "d-3"]
+    one = certify(*(x[objects == "d-2"] for x in (probability, success, units)), **ASKED).overall
+    assert alone.guarantees[2].threshold == one.threshold
+    assert alone.guarantees[2].attempts == one.attempts
+
+
+@pytest.mark.parametrize("value", [-0.1, 1.1, np.nan, np.inf])
+def test_probabilities_are_between_0_and_1(value: float) -> None:
+    probability, success, units = np.full(30, 0.9), np.ones(30, bool), np.arange(30)
+    for edge in (0.0, 1.0):
+        certify(np.r_[probability[1:], edge], success, units, **ASKED)
+    with pytest.raises(InputError, match="numbers between 0 and 1"):
+        certify(np.r_[probability[1:], value], success, units, **ASKED)
+    looks = np.stack([probability, probability], axis=1)
+    looks[3, 1] = value
+    both = np.stack([success, success], axis=1)
+    if np.isnan(value):
+        assert certify(looks, both, units, **ASKED).overall.trials == 30
+    else:
+        with pytest.raises(InputError, match="numbers between 0 and 1"):
+            certify(looks, both, units, **ASKED)

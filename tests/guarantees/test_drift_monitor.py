@@ -232,3 +232,108 @@ def test_every_entry_of_a_state_is_needed(tmp_path: Path) -> None:
         write_artefact(path, {k: v for k, v in whole.items() if k != key})
         with pytest.raises(FormatError, match=f"no '{key}'"):
             DriftMonitor.load(path)
+
+
+@pytest.mark.parametrize("rate", [0.5, 0.9])
+def test_the_rates_that_are_bet_on_are_spaced_evenly_in_the_logarithm(rate: float) -> None:
+    expected = rate * np.geomspace(0.95, 1 / 3, 8)
+    assert DriftMonitor(rate).alternatives == pytest.approx(expected.tolist())
+
+
+@pytest.mark.parametrize("most", [None, 1, 4])
+def test_a_trial_without_a_unit_is_a_unit_of_its_own(most: int | None) -> None:
+    without, with_units = (DriftMonitor(0.9, max_attempts_per_unit=most) for _ in range(2))
+    for i, success in enumerate([True, False, False, True, False]):
+        without.observe(success)
+        with_units.observe(success, f"u{i}")
+    with_units.close_unit()
+    assert without.log_wealth == pytest.approx(with_units.log_wealth)
+    assert without.observations == with_units.observations == 5
+
+
+def test_a_trial_without_a_unit_closes_the_one_before() -> None:
+    monitor = DriftMonitor(0.9)
+    monitor.observe(True, "a")
+    monitor.observe(False, "a")
+    assert (monitor.unit, monitor.unit_trials, monitor.unit_successes) == ("a", 2, 1)
+    assert monitor.observations == 0
+    monitor.observe(True)
+    assert (monitor.unit, monitor.unit_trials, monitor.observations) == (None, 0, 2)
+
+
+def test_a_unit_weighs_as_much_as_its_share_of_the_most_attempts() -> None:
+    """The likelihood ratio of a unit with two of four attempts counts half."""
+    rate, most = 0.9, 4
+    monitor = DriftMonitor(rate, max_attempts_per_unit=most)
+    monitor.observe(True, "a")
+    monitor.observe(False, "a")
+    monitor.close_unit()
+    total = 1 / 2  # not yet bet
+    for q in monitor.alternatives:
+        ratio = 0.5 * q / rate + 0.5 * (1 - q) / (1 - rate)
+        total += 1 / 2 * (1 + 2 / most * (ratio - 1)) / 8
+    assert monitor.e_value == pytest.approx(total)
+
+
+def test_the_alarm_is_raised_at_the_trial_that_reaches_the_level_and_not_before() -> None:
+    monitor = DriftMonitor(0.9, 0.02)
+    values = []
+    while not monitor.observe(False):
+        values.append(monitor.e_value)
+        assert monitor.alarm_at is None
+    assert monitor.alarm_at == monitor.trials == len(values) + 1
+    assert max(values) < 50 <= monitor.e_value == monitor.max_e_value
+    # Exactly at the level, too.
+    again = DriftMonitor(0.9, 1 / values[-1])
+    for _ in values:
+        again.observe(False)
+    assert again.e_value * again.alpha == pytest.approx(1.0)
+
+
+def test_huge_e_values_are_finite() -> None:
+    monitor = DriftMonitor(0.9, log_wealth=(900.0,) * 8, log_max_e_value=900.0)
+    assert monitor.e_value == monitor.max_e_value == math.exp(700.0)
+    small = DriftMonitor(0.9, log_max_e_value=699.5)
+    assert small.max_e_value == math.exp(699.5)
+
+
+@pytest.mark.parametrize(
+    ("change", "fits"),
+    [
+        ({"unit": "a", "unit_trials": 2, "unit_successes": 2}, True),
+        ({"unit": "a", "unit_trials": 2, "unit_successes": 0}, True),
+        ({"unit": "a", "unit_trials": 2, "max_attempts_per_unit": 2}, True),
+        ({"unit": "a", "unit_trials": 3, "max_attempts_per_unit": 2}, False),
+        ({"unit": "a", "unit_trials": 2, "unit_successes": 3}, False),
+        ({"unit": "a", "unit_trials": 2, "unit_successes": -1}, False),
+        ({"unit": "a", "unit_trials": 2, "unit_successes": True}, False),
+        ({"unit": "a", "unit_trials": 0}, False),
+        ({"unit": None, "unit_trials": 1}, False),
+        ({"unit": 5, "unit_trials": 1}, False),
+        ({"unit": "a", "unit_trials": 1, "max_attempts_per_unit": "2"}, False),
+        ({"max_attempts_per_unit": 1.5}, False),
+        ({"unit_trials": -1}, False),
+        ({"restarts": -1}, False),
+        ({"observations": -1}, False),
+        ({"observations": 0.0}, False),
+        ({"log_wealth": [float("nan")] * 8}, False),
+        ({"log_wealth": [0.0] * 9}, False),
+        ({"log_max_e_value": "much"}, False),
+    ],
+)
+def test_the_entries_of_a_state_have_to_agree(change: dict[str, object], fits: bool) -> None:
+    content = {**DriftMonitor(0.9).as_dict(), **change}
+    if fits:
+        monitor = DriftMonitor.from_dict(content, "m.json")
+        assert monitor.as_dict() == content
+    else:
+        with pytest.raises(FormatError, match="is not a complete monitor state"):
+            DriftMonitor.from_dict(content, "m.json")
+
+
+@pytest.mark.parametrize("name", ["rate", "alpha"])
+@pytest.mark.parametrize("value", [0.0, 1.0, -0.5, 1.5])
+def test_rate_and_alpha_are_above_0_and_below_1(name: str, value: float) -> None:
+    with pytest.raises(InputError, match=f"a monitor's {name} should be above 0 and below 1"):
+        DriftMonitor(**{"rate": 0.9, name: value})
+    assert DriftMonitor(0.9, max_attempts_per_unit=1).max_attempts_per_unit == 1

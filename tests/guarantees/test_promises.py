@@ -10,9 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from graspcast.guarantees.binomial import lower_bound, p_value
 from graspcast.guarantees.certify import certify
-from graspcast.guarantees.promises import Alternative, Promise, limit_of_rate
+from graspcast.guarantees.promises import (
+    Alternative,
+    Promise,
+    best_promise,
+    highest_confidence,
+    limit_of_rate,
+)
 from graspcast.guarantees.threshold_sequence import ThresholdSequence, learn_sequence
+from graspcast.guarantees.unit_draws import UnitDraws
 from worlds import ASKED, World, drawn
 
 seeds = st.integers(0, 10_000)
@@ -150,3 +158,67 @@ def test_alternatives_are_read_as_they_were_written() -> None:
             Alternative.from_dict({**asdict(one), name: value})
     with pytest.raises(ValueError, match="whole numbers"):
         Promise.from_dict({**asdict(Promise(0.5, 0.4, 3, 2)), "drawn_attempts": 1.5})
+
+
+@given(seeds)
+def test_promises_are_the_highest_of_the_bounds_and_confidences_at_the_starts(seed: int) -> None:
+    probability, success, units = drawn(World(30, 3), seed)
+    sequence = ThresholdSequence((0.95, 0.9, 0.8, 0.6), (0.3, 0.0, 0.5, 0.2), "the test")
+    draws = UnitDraws(probability, success, units, "attempt", 0)
+    counts = [draws.count(t) for t in sequence.thresholds]
+    starts = [i for i, w in enumerate(sequence.weights) if w]
+    bounds = {
+        i: lower_bound(held, n, 1 - 0.1 * sequence.weights[i])
+        for i, (n, held) in enumerate(counts)
+        if i in starts
+    }
+    top = max(starts, key=lambda i: (bounds[i], i))
+    assert best_promise(draws, sequence, 0.9) == Promise(
+        sequence.thresholds[top], bounds[top], *counts[top]
+    )
+    values = [p_value(counts[i][1], counts[i][0], 0.9) / sequence.weights[i] for i in starts]
+    found = highest_confidence(draws, sequence, 0.9)
+    assert found == pytest.approx(max(0.0, 1 - min(values)))
+
+
+def test_of_equal_promises_the_one_that_attempts_most_counts() -> None:
+    probability, success = np.full(20, 0.95), np.ones(20, bool)
+    sequence = ThresholdSequence((0.9, 0.7, 0.5), (0.25, 0.5, 0.25), "the test")
+    draws = UnitDraws(probability, success, np.arange(20), "attempt", 0)
+    best = best_promise(draws, sequence, 0.9)
+    assert best is not None and best.threshold == 0.7
+    even = ThresholdSequence((0.9, 0.5), (0.5, 0.5), "the test")
+    best = best_promise(draws, even, 0.9)
+    assert best is not None and best.threshold == 0.5
+
+
+@pytest.mark.parametrize(
+    ("change", "fits"),
+    [
+        ({"drawn_attempts": 0, "drawn_successes": 0}, True),
+        ({"threshold": 0.0, "rate": 1.0}, True),
+        ({"threshold": 1.0, "rate": 0.0}, True),
+        ({"drawn_successes": -1}, False),
+        ({"drawn_attempts": True}, False),
+        ({"threshold": -0.1}, False),
+        ({"threshold": 1.1}, False),
+        ({"rate": True}, False),
+        ({"rate": float("nan")}, False),
+    ],
+)
+def test_what_a_promise_holds(change: dict[str, object], fits: bool) -> None:
+    content = {**asdict(Promise(0.5, 0.4, 3, 2)), **change}
+    if fits:
+        assert asdict(Promise.from_dict(content)) == content
+    else:
+        with pytest.raises(ValueError, match="not"):
+            Promise.from_dict(content)
+
+
+@pytest.mark.parametrize("name", ["units", "needed_units"])
+def test_numbers_of_units_are_whole(name: str) -> None:
+    one = asdict(Alternative("one look", "scene", 12, 0.5, None, 0.25, 7))
+    assert asdict(Alternative.from_dict({**one, name: 0})) == {**one, name: 0}
+    for value in (-1, 1.5, True, "3"):
+        with pytest.raises(ValueError, match="whole numbers"):
+            Alternative.from_dict({**one, name: value})

@@ -137,3 +137,88 @@ def test_published_estimators_are_never_accused_and_always_found_out(
                         known = np.isfinite(poses[one]).all(axis=(1, 2))
                     found = find_convention(wrong(poses[one][known]), poses[other][known])
                     assert found is not None and words in found.convention.question
+
+
+def turned(poses: np.ndarray, degrees: float) -> np.ndarray:
+    """The same poses, each turned by so much, about its own axis."""
+    axes = np.random.default_rng(3).normal(size=(len(poses), 3))
+    axes *= np.radians(degrees) / np.linalg.norm(axes, axis=1, keepdims=True)
+    return rotated(poses, Rotation.from_rotvec(axes).as_matrix() @ poses[:, :3, :3])
+
+
+def shifted(poses: np.ndarray, share: float) -> np.ndarray:
+    """The same poses, each shifted by this share of its distance."""
+    out = poses.copy()
+    out[:, 0, 3] += share * np.linalg.norm(poses[:, :3, 3], axis=1)
+    return out
+
+
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [
+        (lambda p: turned(p, 19.5), True),
+        (lambda p: turned(p, 20.5), False),
+        (lambda p: shifted(p, 0.099), True),
+        (lambda p: shifted(p, 0.101), False),
+    ],
+)
+@pytest.mark.parametrize("symmetric", [False, True])
+def test_poses_agree_within_twenty_degrees_and_a_tenth_of_the_distance(
+    change: object, found: bool, symmetric: bool
+) -> None:
+    poses = random_poses(30, 5)
+    sixth = rotated(np.eye(4)[None], Rotation.from_rotvec([0, 0, np.pi]).as_matrix()[None])
+    symmetries = [np.concatenate([np.eye(4)[None], sixth])] * 30 if symmetric else None
+    wrong = WRONG["OpenGL"](change(poses))  # type: ignore[operator]
+    assert (find_convention(wrong, poses, symmetries) is not None) == found
+
+
+@pytest.mark.parametrize(("good", "found"), [(0, True), (4, True), (5, False)])
+def test_up_to_a_fifth_may_agree_as_they_are(good: int, found: bool) -> None:
+    poses = random_poses(20, 5)
+    mixed = WRONG["OpenGL"](poses)
+    mixed[:good] = poses[:good]
+    result = find_convention(mixed, poses)
+    assert (result is not None) == found
+    assert result is None or (result.before, result.agreeing) == (good, 20 - good)
+
+
+@pytest.mark.parametrize(("right", "found"), [(9, False), (10, True)])
+def test_half_have_to_agree_after_the_change(right: int, found: bool) -> None:
+    poses = random_poses(20, 5)
+    mixed = shifted(WRONG["OpenGL"](poses), 0.5)
+    mixed[:right] = WRONG["OpenGL"](poses)[:right]
+    assert (find_convention(mixed, poses) is not None) == found
+
+
+@pytest.mark.parametrize(("right", "found"), [(4, False), (5, True)])
+def test_five_have_to_agree_however_few_there_are(right: int, found: bool) -> None:
+    poses = random_poses(6, 5)
+    mixed = shifted(WRONG["OpenGL"](poses), 0.5)
+    mixed[:right] = WRONG["OpenGL"](poses)[:right]
+    assert (find_convention(mixed, poses) is not None) == found
+
+
+def test_an_estimator_says_which_words_are_its_own() -> None:
+    poses = random_poses(20, 5)
+    found = find_convention(WRONG["OpenGL"](poses), poses)
+    assert found is not None and found.text("mine", "theirs") == (
+        "20 of 20 mine agree with theirs when the camera's y and z axes are flipped (0 do as they "
+        "are): are they in OpenGL's camera frame (y up, z backwards)?"
+    )
+
+
+@pytest.mark.parametrize(
+    ("behind", "total", "words"),
+    [
+        (1, 5, "obj_T_cam"),
+        (4, 4, ""),
+        (19, 100, ""),
+        (20, 100, "obj_T_cam"),
+        (95, 100, "obj_T_cam"),
+        (96, 100, "OpenGL"),
+    ],
+)
+def test_how_many_have_to_lie_behind_the_camera(behind: int, total: int, words: str) -> None:
+    said = behind_hint(behind, total)
+    assert (words in said) if words else said == ""

@@ -69,3 +69,41 @@ def test_seen_from_any_side_each_axis_has_the_mean_variance() -> None:
 def test_deviations_out_of_range_are_refused(given: tuple[float, float, float], words: str) -> None:
     with pytest.raises(InputError, match=words):
         check_deviations(*given)
+
+
+@pytest.mark.parametrize("axis", range(6))
+def test_every_axis_counts(axis: int) -> None:
+    """A standard deviation of up to half a metre or half a turn is possible, more is not."""
+    most = 0.5 if axis < 3 else np.pi
+    check_covariance(changed(axis, axis, (0.999 * most) ** 2))
+    with pytest.raises(InputError, match="position" if axis < 3 else "rotation"):
+        check_covariance(changed(axis, axis, (1.001 * most) ** 2))
+
+
+@pytest.mark.parametrize("correlation", [1.0, -1.0, 1 - 1e-12])
+def test_what_is_singular_is_refused(correlation: float) -> None:
+    """Axes that know each other's error exactly."""
+    value = correlation * np.sqrt(GOOD[0, 0] * GOOD[5, 5])
+    with pytest.raises(InputError, match="not positive definite"):
+        check_covariance(changed(0, 5, value))
+    check_covariance(changed(0, 5, (1 - 1e-6) * value))
+
+
+def test_the_units_that_would_fit_are_named_with_their_numbers() -> None:
+    with pytest.raises(InputError, match=r"of 2 m; .*: 0\.002 m"):
+        check_covariance(changed(2, 2, 4.0))
+    with pytest.raises(InputError, match=r"of 4 rad, .*it is 0\.0698 rad"):
+        check_covariance(changed(3, 3, 16.0))
+
+
+@pytest.mark.parametrize("place", range(3))
+def test_each_deviation_is_above_zero_and_one_of_an_estimate(place: int) -> None:
+    most = (0.5, 0.5, np.pi)[place]
+    for value, fits in ((most, True), (1.01 * most, False), (0.0, False), (-0.1, False)):
+        given = [0.002, 0.008, 0.07]
+        given[place] = value
+        if fits:
+            check_deviations(*given)
+        else:
+            with pytest.raises(InputError, match="above zero and at most"):
+                check_deviations(*given)

@@ -155,3 +155,49 @@ def test_released_metrics_of_lmo(data_dir: Path, published: Path, estimator: str
 
 def test_the_identity_alone_changes_no_pose() -> None:
     assert_allclose(e.nearest_symmetric(EST, np.eye(4)[None]), EST, rtol=0, atol=0)
+
+
+def about(axis: int, turns: int) -> np.ndarray:
+    """Turns about an axis after which a body of so many equal sectors looks alike."""
+    vectors = np.zeros((turns, 3))
+    vectors[:, axis] = 2 * np.pi / turns * np.arange(turns)
+    return transform(Rotation.from_rotvec(vectors).as_matrix(), np.zeros((turns, 3)))
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("n", [1, 4095, 4096, 4097])
+def test_the_nearest_symmetric_transform_turns_least(axis: int, n: int) -> None:
+    symmetries = about(axis, 5)
+    symmetries[:, :3, 3] = np.random.default_rng(1).normal(size=(5, 3))  # of an object off centre
+    poses = random_poses(n, seed=axis)
+    angles = Rotation.from_matrix((poses[:, None] @ symmetries)[..., :3, :3].reshape(-1, 3, 3))
+    best = angles.magnitude().reshape(n, 5).argmin(axis=1)
+    found = e.nearest_symmetric(poses, symmetries)
+    assert_allclose(found, poses @ symmetries[best], atol=1e-12)
+    assert set(best) == set(range(5)) or n == 1
+
+
+def test_the_nearest_symmetric_transform_keeps_the_batch() -> None:
+    symmetries = about(2, 3)
+    poses = random_poses(6)
+    found = e.nearest_symmetric(poses.reshape(2, 3, 4, 4), symmetries)
+    assert_allclose(found, e.nearest_symmetric(poses, symmetries).reshape(2, 3, 4, 4))
+    assert_allclose(e.nearest_symmetric(poses[0], symmetries), found[0, 0])
+    assert_allclose(e.nearest_symmetric(poses, np.eye(4)[None]), poses)
+
+
+def test_errors_of_one_point_are_those_of_that_point() -> None:
+    point = np.array([[0.02, -0.03, 0.05]])
+    moved = np.linalg.norm(transform_points(EST, point) - transform_points(GT, point), axis=-1)
+    none = np.eye(4)[None]
+    assert_allclose(e.add(EST, GT, point), moved[:, 0], rtol=1e-9)
+    assert_allclose(e.mssd(EST, GT, point, none), moved[:, 0], rtol=1e-9)
+
+
+def test_symmetries_are_applied_to_the_estimate() -> None:
+    """Of a symmetry file's matrix that is not quite its own inverse, the estimate is turned."""
+    symmetries = about(0, 3)[:2]  # without the inverse of the second
+    turned = GT @ np.linalg.inv(symmetries[1])
+    assert_allclose(e.rotation_error(turned, GT, symmetries), 0, atol=1e-7)
+    assert (e.rotation_error(GT @ symmetries[1], GT, symmetries) > 1).all()
+    assert_allclose(e.mssd(GT @ symmetries[1], GT, POINTS, symmetries), 0, atol=1e-12)

@@ -8,7 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from graspcast.pose.ray_frame import displaced, error_along, obj_R_ray, ray_frame, relative
+from graspcast.pose.ray_frame import (
+    compressed,
+    displaced,
+    error_along,
+    obj_R_ray,
+    ray_frame,
+    relative,
+)
 from graspcast.pose.transforms import rotation_from_vector, transform
 from poses import nudged, random_poses
 
@@ -117,3 +124,12 @@ def test_a_known_frame_changes_nothing(seed: int) -> None:
     frame = ray_frame(poses)
     np.testing.assert_array_equal(relative(poses, others, frame), relative(poses, others))
     np.testing.assert_array_equal(obj_R_ray(poses, frame), obj_R_ray(poses))
+
+
+def test_compressed_numbers_are_in_units_of_typical_ones_and_keep_their_sign() -> None:
+    typical = np.array([0.003, 0.003, 0.008, 0.07, 0.07, 0.07])
+    assert_allclose(compressed(typical), np.log(2) * np.ones(6))
+    assert_allclose(compressed(-3 * typical), -np.log(4) * np.ones(6))
+    assert_allclose(compressed(np.zeros((2, 6))), 0)
+    each = np.eye(6) * 1e-6  # each number counts for itself, small ones in proportion
+    assert_allclose(compressed(each), each / typical, rtol=1e-3)

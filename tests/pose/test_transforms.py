@@ -131,3 +131,65 @@ def test_one_translation_serves_many_rotations_and_many_translations_one_rotatio
     together = g.transform(R[0], t)
     assert together.shape == (4, 4, 4)
     assert_allclose(together[2], g.transform(R[0], t[2]))
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-6, 2e-6, 0.9e-4, 1.1e-4, 1e-3, 3.0])
+def test_exponential_and_logarithm_near_the_identity(angle: float) -> None:
+    """Long translations show what the Jacobian's terms of small angles are."""
+    for axis in np.eye(3):
+        twist = np.concatenate([[300.0, -500.0, 700.0], angle * axis])
+        generator = np.zeros((4, 4))
+        generator[:3, :3] = g.skew(twist[3:])
+        generator[:3, 3] = twist[:3]
+        pose = g.exp(twist)
+        # Below 1e-4 rad the terms of the series are cut off at the fourth power.
+        assert_allclose(pose, expm(generator), rtol=0, atol=1e-9)
+        assert_allclose(g.log(pose), twist, rtol=0, atol=1e-6)
+        assert_allclose(g.rotation_vector(pose[:3, :3]), twist[3:], rtol=1e-9, atol=1e-15)
+
+
+def test_half_turns_have_quaternions_too() -> None:
+    for axis in np.vstack([np.eye(3), [[0.6, 0.8, 0], [0, 0.6, -0.8], [2 / 3, -1 / 3, 2 / 3]]]):
+        r = 2 * np.outer(axis, axis) - np.eye(3)
+        q = g.quaternion(r)
+        assert_allclose(np.abs(q), np.abs([0, *axis]), atol=1e-12)
+        assert_allclose(g.rotation_from_quaternion(q), r, atol=1e-12)
+        assert g.rotation_angle(r) == pytest.approx(np.pi)
+
+
+@pytest.mark.parametrize("leading", range(4))
+def test_quaternions_whichever_component_leads(leading: int) -> None:
+    q = np.random.default_rng(leading).uniform(-1, 1, (50, 4))
+    q[:, leading] = np.random.default_rng(9).choice([-3.0, 3.0], 50)
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    found = g.quaternion(g.rotation_from_quaternion(q))
+    assert_allclose(found, np.where(q[:, :1] < 0, -q, q), atol=1e-12)
+
+
+def test_one_rotation_serves_many_translations_and_the_other_way_round() -> None:
+    r, t = rotations()[:3], np.arange(9.0).reshape(3, 3)
+    one = g.transform(r[0], t)
+    assert_allclose(one[:, :3, :3], np.tile(r[0], (3, 1, 1)))
+    assert_allclose(one[:, :3, 3], t)
+    assert_allclose(one[:, 3], np.tile([0, 0, 0, 1.0], (3, 1)))
+    assert_allclose(g.transform(r, t[0])[:, :3, 3], np.tile(t[0], (3, 1)))
+    grid = g.transform(r[:, None], t[None, :2])
+    assert grid.shape == (3, 2, 4, 4)
+    assert_allclose(grid[2, 1], g.transform(r[2], t[1]))
+
+
+def test_the_matrix_of_a_cross_product() -> None:
+    v, w = np.random.default_rng(0).normal(size=(2, 5, 3))
+    assert_allclose(np.einsum("nij,nj->ni", g.skew(v), w), np.cross(v, w), atol=1e-12)
+
+
+def test_composing_is_multiplying() -> None:
+    a, b, c = random_poses(3)
+    assert_allclose(g.compose(a, b, c), a @ b @ c)
+    assert_allclose(g.compose(a), a)
+
+
+def test_euler_angles_just_off_the_singularity_are_not_taken_for_it() -> None:
+    for off in (1e-4, 2e-6):
+        r = Rotation.from_euler("ZYX", [[0.3, np.pi / 2 - off, 0.1]]).as_matrix()
+        assert_allclose(g.euler_zyx(r), [[0.1, np.pi / 2 - off, 0.3]], atol=1e-6)
