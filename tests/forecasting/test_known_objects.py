@@ -110,3 +110,21 @@ def test_a_file_with_other_objects_is_refused(
     write_arrays(tmp_path / "model.npz", arrays)
     with pytest.raises(FormatError, match="not a complete model file"):
         Forecaster.load(tmp_path / "model.npz")
+
+
+def test_what_is_known_is_told_shortly() -> None:
+    corner = np.array([-0.1, -0.1, -0.1])
+    info = ModelInfo(1, 0.3, corner, -2 * corner, np.empty((0, 4, 4)))
+    assert repr(KnownModels({1: info}, {})) == "KnownModels(1 object)"
+
+
+def test_grasps_that_are_no_poses_or_come_twice_are_refused() -> None:
+    arrays = KnownObjects({}, {"d-1": {"side": HOLD, "top": HOLD}}).to_arrays()
+    assert KnownObjects.from_arrays(arrays).grasps["d-1"].keys() == {"side", "top"}
+    poses = arrays["obj_T_grasp"]
+    with pytest.raises(ValueError, match="no rigid transform"):
+        KnownObjects.from_arrays(arrays | {"obj_T_grasp": poses * 2})
+    names = {k: v for k, v in arrays.items() if v.dtype.kind == "U" and "top" in v.tolist()}
+    ((key, given),) = names.items()
+    with pytest.raises(ValueError, match="two grasps of d-1 are called side"):
+        KnownObjects.from_arrays(arrays | {key: np.where(given == "top", "side", given)})

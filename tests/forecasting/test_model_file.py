@@ -141,3 +141,57 @@ def test_no_part_of_a_file_with_forests_is_taken_for_a_model(
     for name in needed:
         write_arrays(path, {k: v for k, v in arrays.items() if k != name})
         assert "not a complete model file" in refused(path, path.read_bytes())
+
+
+FORESTS = {
+    "typical features": ("0/typical", lambda a: np.where(np.arange(a.size) == 0, np.nan, a)),
+    "the novelty detector has arrays of shapes": ("0/novelty/centre", lambda a: a[:6]),
+    "different lengths": ("0/predictor/calibration", lambda a: a[:1]),
+    "codes of the grasps are not finite": ("0/predictor/codes", lambda a: np.full((2, 2), np.nan)),
+    "the model draws 0 pose errors": ("0/predictor/draws", lambda a: np.zeros_like(a)),
+}
+
+
+@pytest.fixture(scope="module")
+def forests(
+    models: dict[str, Models], tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, np.ndarray]:
+    settings = ForestSettings(trees=3, folds=0)
+    forecaster = train_forecaster(synthetic.training_data(80), forests=settings, models=models)
+    folder = tmp_path_factory.mktemp("forests")
+    written(forecaster, folder)
+    return read_arrays(folder / "model.npz", "")
+
+
+@pytest.mark.parametrize("says", FORESTS)
+def test_parts_that_do_not_fit_are_refused_though_the_digest_is_right(
+    forests: dict[str, np.ndarray], tmp_path: Path, says: str
+) -> None:
+    (name, change), path = FORESTS[says], tmp_path / "model.npz"
+    assert name in forests or name == "0/predictor/codes"
+    write_arrays(path, forests | {name: change(forests.get(name, np.empty(0)))})
+    said = refused(path, path.read_bytes())
+    assert "is not a complete model file" in said and says in said
+
+
+def test_cards_that_contradict_each_other_are_refused(
+    forests: dict[str, np.ndarray], whole: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "model.npz"
+    content = json.loads(str(forests["card"]))
+    card = content["card"]
+    for changed, says in (
+        ({**content, "others": [card]}, "two parts are for one guide"),
+        ({**content, "card": {**card, "grasps": {"d-9": ["top"]}}}, "grasps"),
+        (
+            {**content, "card": {**card, "features": "visibility"}},
+            "disagree on forecasts from one view",
+        ),
+    ):
+        write_arrays(path, forests | {"card": np.array(json.dumps(changed))})
+        assert says in refused(path, path.read_bytes())
+    path.write_bytes(whole)
+    arrays = read_arrays(path, "")
+    name = "0/predictor/threshold"
+    write_arrays(path, arrays | {name: arrays[name].astype(np.int64)})
+    assert "not lists of numbers of one length" in refused(path, path.read_bytes())

@@ -66,3 +66,22 @@ def test_metadata_that_is_none_is_refused(tmp_path):
         (tmp_path / "in" / "metadata.yaml").write_text(text)
         with pytest.raises(FormatError, match="cannot be opened"):
             BagReader(tmp_path / "in")
+
+
+@pytest.mark.parametrize(
+    ("error", "kind", "says"),
+    [
+        (PermissionError(13, "denied"), InputError, "may not be read"),
+        (MemoryError(), FormatError, "a part of it says that it is larger than the memory"),
+        (InputError("said already"), InputError, "^said already$"),
+    ],
+)
+def test_errors_of_reading_are_named(written, monkeypatch, error, kind, says):
+    path, _ = written
+
+    def refuse(self):
+        raise error
+
+    monkeypatch.setattr(BagReader, "_open", refuse)
+    with pytest.raises(kind, match=says):
+        BagReader(path)

@@ -340,3 +340,54 @@ def test_flipped_bytes_end_in_a_bag_or_in_an_error_of_ours(tmp_path, watcher, su
         assert [p.name for p in tmp_path.iterdir()] == [path.name]
     else:
         assert sorted(p.name for p in tmp_path.iterdir()) == sorted([path.name, f"out.{suffix}"])
+
+
+def test_images_are_judged_in_batches_as_all_at_once(tmp_path, watcher, monkeypatch):
+    bag = written(tmp_path, "mcap")
+    convert_bag(bag, tmp_path / "whole.mcap", watcher, TOPICS, settings("mcap"))
+    monkeypatch.setattr("graspcast.ros.conversion._BATCH", 1)
+    monkeypatch.setattr("graspcast.ros.conversion._REPORTED_EVERY", 5)
+    shares = []
+    done = convert_bag(
+        bag,
+        tmp_path / "parts.mcap",
+        watcher,
+        TOPICS,
+        settings("mcap"),
+        progress=lambda share, message: shares.append(share),
+    )
+    assert shares == sorted(shares) and len(shares) >= 2 and shares[-1] <= 1
+    assert done.judged == IMAGES
+    one, other = (
+        of(bags.read_bag(tmp_path / name), VERDICTS) for name in ("whole.mcap", "parts.mcap")
+    )
+    for a, b in zip(one, other, strict=True):
+        assert [(v.object_name, v.action, v.probability) for v in a.verdicts] == [
+            (v.object_name, v.action, v.probability) for v in b.verdicts
+        ]
+
+
+def test_a_frame_that_cannot_be_judged_is_counted_and_the_others_have_verdicts(
+    tmp_path, world, monkeypatch
+):
+    watcher = Watcher(world.forecaster, models=world.models, threshold=0.7)
+    real, error = watcher.judge, InputError("the log cannot be written")
+
+    def judge(frame, episode=None):
+        if frame.time_s == START + 1:
+            raise error
+        return real(frame, episode)
+
+    monkeypatch.setattr(watcher, "judge", judge)
+    out, given = tmp_path / "out.mcap", settings("mcap", episodes="static")
+    done = convert_bag(written(tmp_path, "mcap"), out, watcher, TOPICS, given)
+    assert (done.frames, done.judged) == (IMAGES, IMAGES - 1)
+    assert any(
+        "could not be judged" in line and str(error) in line for line in done.problems.lines()
+    )
+    assert [a.look for a in of(bags.read_bag(out), VERDICTS) if a.verdicts] == [1, 2]
+    monkeypatch.setattr(watcher, "judge_all", lambda frames: [error for _ in frames])
+    done = convert_bag(
+        written(tmp_path / "2", "mcap"), tmp_path / "2.mcap", watcher, TOPICS, settings("mcap")
+    )
+    assert (done.frames, done.judged) == (IMAGES, 0)

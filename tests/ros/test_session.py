@@ -1,12 +1,16 @@
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace as Message
 
+import numpy as np
 import pytest
 
 import ros_messages as ros
 from episode_world import FOUND, NAMES, new_world
 from graspcast.attempt_log.log import AttemptLog
 from graspcast.errors import GraspcastError, InputError
+from graspcast.forecasting.forecaster import Forecaster
+from graspcast.guarantees.certify import certify
 from graspcast.ros.diagnostics import OK, WARN
 from graspcast.ros.parameters import node_settings
 from graspcast.ros.session import Session
@@ -86,4 +90,23 @@ def test_states_are_of_what_is_new(model):
     (status,) = running.statuses()
     assert status.level == WARN and "unknown class" in status.message
     assert [s.level for s in running.statuses()] == [OK]
+    running.close()
+
+
+def test_diagnostics_say_what_the_monitor_of_a_guarantee_says(model, tmp_path):
+    found = certify(np.full(40, 0.95), np.ones(40, bool), np.arange(40), rate=0.9, confidence=0.9)
+    card = Forecaster.load(model).card
+    stated = {"model": card.digest, "ood_alpha": 0.01}
+    replace(found, policy=None, provenance=stated).save(tmp_path / "c.json")
+    given = {"certificate": [str(tmp_path / "c.json")], "threshold": -1.0, "max_looks": 1}
+    running = session(model, attempt_log=str(tmp_path / "log.db"), **given)
+    (decision,) = judged(running, 10.0).answer
+    running.outcome(Message(decision=decision.id, success=True, reason=""))
+
+    def make(type_name, /, **fields):
+        return Message(type_name=type_name, **fields)
+
+    array = running.diagnostics(make, 10 * ros.NS, "node")
+    assert [s.name for s in array.status] == ["node: judging", "node: guarantee"]
+    assert "no alarm" in array.status[1].message
     running.close()
