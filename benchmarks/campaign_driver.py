@@ -5,8 +5,8 @@
 No trial is run: outcomes are made up. Each number of trials has a process of its own, which
 
 - plans: checks the requests, hashes them for the manifest, divides them into batches;
-- stores: a number of batches of the size that such a campaign has, as they come from the workers,
-  and merges of 500 of them, as often as they happen;
+- stores: some batches of the size that such a campaign has, as they come from the workers, and
+  their share of a merge of 500;
 - resumes: reads all outcomes, and finds the trials that are left (of a half that is stored);
 - finishes: writes ``outcomes.parquet`` and the dataset card;
 - reads: as a program that uses the outcomes does.
@@ -40,6 +40,7 @@ from graspcast.simulation.campaign.jobs import load_setups
 from graspcast.simulation.campaign.requests import TrialRequests
 from graspcast.simulation.campaign.store import Store
 from graspcast.simulation.grasps.table import read_grasps
+from graspcast.simulation.trial.trial import Outcome
 
 TARGET = 10_000_000
 ROWS = {
@@ -67,6 +68,11 @@ def planned(count: int) -> TrialRequests:
         gripper=pl.lit("parallel"),
     )
     return TrialRequests(keys, exp(random.normal(size=(count, 6)) * ([0.01] * 3 + [0.1] * 3)))
+
+
+def results(count: int) -> list[Outcome]:
+    """Return made-up outcomes as they come from a worker."""
+    return [Outcome(True, "held", 0.001 * k, 2.5, 0.02, 900 + k) for k in range(count)]
 
 
 def made_up(requests: TrialRequests, rows: np.ndarray) -> pl.DataFrame:
@@ -101,16 +107,16 @@ def work(count: int, appends: int, folder: Path) -> None:
 
     # One merge for every 500 batches, measured on as many as are written.
     size = batch_size(count)
-    small = [made_up(requests, batches[i].rows) for i in range(min(appends, len(batches)))]
+    few = [(batch, results(len(batch.rows))) for batch in batches[:appends]]
     scratch = Store(folder / "scratch")
     scratch.begin(manifest)
     began = time.perf_counter()
-    for outcomes in small:
-        scratch.append(outcomes)
-    each = (time.perf_counter() - began) / len(small)
+    for batch, outcomes in few:
+        scratch.append(campaign._table(requests, batch, outcomes, setups[batch.setup]))
+    each = (time.perf_counter() - began) / len(few)
     began = time.perf_counter()
     scratch._add(scratch.outcomes(), 1)
-    figures["store_ms"] = 1e3 * (each + (time.perf_counter() - began) / len(small))
+    figures["store_ms"] = 1e3 * (each + (time.perf_counter() - began) / len(few))
     most = store._MOST_SHARDS
     figures["files"] = min(len(batches), most) + len(batches) // most
 
@@ -129,12 +135,12 @@ def work(count: int, appends: int, folder: Path) -> None:
     for start in starts[max(1, len(starts) // 2) :]:
         whole._add(made_up(requests, np.arange(start, min(start + step, count))), 1)
     began = time.perf_counter()
-    outcomes = whole.finish()
-    write_card(whole.directory, outcomes, manifest)
+    stored = whole.finish()
+    write_card(whole.directory, stored, manifest)
     figures["finish_s"] = time.perf_counter() - began
-    del outcomes
+    del stored
     began = time.perf_counter()
-    Store(folder / "whole").outcomes()
+    assert len(Store(folder / "whole").outcomes()) == count
     figures["read_s"] = time.perf_counter() - began
     figures["disk_mb"] = (whole.directory / store.OUTCOMES).stat().st_size / 1e6
     figures["peak_gb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6

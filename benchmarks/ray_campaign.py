@@ -8,8 +8,8 @@ interface), and ends what it started. In turn it runs one campaign in one proces
 workers, and on the cluster, and prints medians over the rounds:
 
 - trials/s from the first batch to the last, and the start-up until the first batch;
-- the CPU time of the driver (the process that submits and stores) as a share of one core, and the
-  cores that it could keep busy;
+- the CPU time of the driver (the process that submits and stores), with batches as small campaigns
+  have them and as those of millions of trials do, and the cores that it could then keep busy;
 - what is sent to the nodes and back.
 
 Then the second node is killed (SIGKILL to all its processes) in mid-run, and after that the driver,
@@ -41,7 +41,7 @@ import numpy as np
 import polars as pl
 
 from graspcast.pose.transforms import exp
-from graspcast.simulation.campaign.batches import Batches
+from graspcast.simulation.campaign import batches
 from graspcast.simulation.campaign.campaign import run_campaign
 from graspcast.simulation.campaign.executors import Executor, LocalExecutor
 from graspcast.simulation.campaign.jobs import TrialSetup, load_setups, run_batch
@@ -53,6 +53,7 @@ from kills import TOKEN, family
 ADDRESS = "127.0.0.1"
 STARTS = 4
 LONGEST_S = 300.0
+LARGE_TRIALS = 1792
 
 
 def campaign(count: int) -> tuple[TrialRequests, dict[SetupKey, TrialSetup]]:
@@ -72,6 +73,8 @@ def campaign(count: int) -> tuple[TrialRequests, dict[SetupKey, TrialSetup]]:
 
 def drive(out: Path, kind: str, count: int, address: str) -> None:
     """Run the campaign in this process, and print its figures as JSON."""
+    if kind == "large":
+        batches._SMALLEST = batches._LARGEST
     requests, setups = campaign(count)
     began, cpu_0 = time.perf_counter(), time.process_time()
     marks: list[tuple[float, float, int]] = []
@@ -97,7 +100,7 @@ def drive(out: Path, kind: str, count: int, address: str) -> None:
 
 def executor(kind: str, address: str) -> Executor:
     """Return what runs the trials."""
-    if kind == "ray":
+    if kind in ("ray", "large"):
         from graspcast.simulation.campaign.ray_executor import RayExecutor
 
         return RayExecutor(address)
@@ -229,7 +232,7 @@ def outcomes(out: Path) -> pl.DataFrame:
 def sizes(count: int) -> dict[str, float]:
     """Return bytes that are sent: to a node for each setup, and for each trial to and fro."""
     requests, setups = campaign(count)
-    batch = Batches(requests, np.arange(count))[0]
+    batch = batches.Batches(requests, np.arange(count))[0]
     found = run_batch(setups[batch.setup], batch)
     return {
         "setup": len(pickle.dumps(setups[batch.setup])),
@@ -247,6 +250,9 @@ def rates(cluster: Cluster, folder: Path, options: argparse.Namespace) -> dict[s
             driver = Driver(folder / f"{kind}{number}", kind, count, cluster.address)
             figures.append(driver.figures())
             show(f"round {number + 1}, {kind}: {figures[-1]['rate']:.1f} trials/s")
+    driver = Driver(folder / "large", "large", LARGE_TRIALS, cluster.address)
+    found["large"] = [driver.figures()]
+    show(f"batches of {batches._LARGEST}: {found['large'][0]['rate']:.1f} trials/s")
     return found
 
 
@@ -274,7 +280,7 @@ def report(found: dict[str, Any], sent: dict[str, float], started: list[float]) 
 
     one, local, ray = (median(kind, "rate") for kind in ("one", "local", "ray"))
     ratios = [r["rate"] / p["rate"] for r, p in zip(found["ray"], found["local"], strict=True)]
-    cpu = median("ray", "driver_cpu_ms")
+    cpu, large = median("ray", "driver_cpu_ms"), median("large", "driver_cpu_ms")
     load = " ".join(Path("/proc/loadavg").read_text().split()[:3])
     rows = [
         ("trials/s, one process", f"{one:.1f}"),
@@ -288,8 +294,9 @@ def report(found: dict[str, Any], sent: dict[str, float], started: list[float]) 
         ("until the first batch, local workers", f"{median('local', 'start_s'):.1f} s"),
         ("until the first batch, cluster", f"{median('ray', 'start_s'):.1f} s"),
         ("start of the head and of the second node", " and ".join(f"{s:.0f} s" for s in started)),
-        ("the driver's CPU time, cluster", f"{cpu:.2f} ms a trial"),
-        ("the same, share of one core", f"{100 * cpu * ray / 1e3:.0f} %"),
+        ("the driver's CPU time, batches of 16", f"{cpu:.2f} ms a trial"),
+        ("the same, batches of 256", f"{large:.3f} ms a trial"),
+        ("cores that a driver keeps busy, batches of 256", f"{1e3 / (large * one):,.0f} at least"),
         ("sent to a node once, a setup", f"{sent['setup'] / 1e3:.0f} kB"),
         ("sent to a node and back, a trial", f"{sent['there']:.0f} B and {sent['back']:.0f} B"),
     ]
@@ -330,7 +337,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--trials", type=int, default=800)
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--drive", choices=("one", "local", "ray"), help=argparse.SUPPRESS)
+    parser.add_argument("--drive", choices=("one", "local", "ray", "large"), help=argparse.SUPPRESS)
     parser.add_argument("--out", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--address", help=argparse.SUPPRESS)
     options = parser.parse_args()

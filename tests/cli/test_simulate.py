@@ -227,3 +227,12 @@ def test_drawn_errors_need_a_number_of_trials_and_objects(
     drawn = ["simulate", *out, "--deviations", "1", "1", "1"]
     assert "--transferred-errors" in refused(drawn, capsys)
     assert "--objects" in refused([*drawn, "--transferred-errors", "4"], capsys)
+
+
+def test_options_of_the_other_executor_are_refused(
+    world: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = refused(simulate(world, *tables, "--address", "10.0.0.1:6379"), capsys)
+    assert "an address is for the executor ray (see --executor)" in said
+    said = refused(simulate(world, *tables, "--executor", "ray"), capsys)
+    assert "as many workers as cores" in said and "see --workers" in said

@@ -34,8 +34,8 @@ _CONNECT_S = 10.0
 _LOOK_S = 2.0
 """Time between two looks at which nodes there are, seconds."""
 
-_HEAD_S = 30.0
-"""How long the head node may be silent, seconds; Ray itself ends the process after 60."""
+_ANSWER_S, _HEAD_S = 2.0, 30.0
+"""How long the head node may take to answer, and be silent, seconds; Ray gives up after 60."""
 
 _CHECK_S = 60.0
 """Time for a node to say which versions it has, seconds; it may have to load them from a disk."""
@@ -248,7 +248,7 @@ class _Nodes:
         self._lost: float | None = None
         # A client of a cluster (ray://) may not see the head node itself.
         head = str(ray.get_runtime_context().gcs_address)
-        self._head = "" if _unreachable(head, _LOOK_S) else head
+        self._head = "" if _unreachable(head, _ANSWER_S) else head
         self._answered = time.monotonic()
         self.usable()
 
@@ -282,7 +282,7 @@ class _Nodes:
 
     def _head_answers(self) -> bool:
         """Raise if the head node has been silent for long: Ray would end the process without it."""
-        why = _unreachable(self._head, _LOOK_S) if self._head else ""
+        why = _unreachable(self._head, _ANSWER_S) if self._head else ""
         now = time.monotonic()
         if not why:
             self._answered = now

@@ -23,7 +23,8 @@ from graspcast.simulation.objects.types import Grasp
 
 __all__ = ["TRANSFERRED", "trials_from_transferred_errors"]
 
-_MOST_TRIALS = 1_000_000
+_MOST_TRIALS = 20_000_000
+"""What a process plans and stores in about 20 GB of memory."""
 
 TRANSFERRED = "transferred"
 """Value of the column ``estimator`` in such trials."""
