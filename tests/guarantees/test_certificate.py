@@ -13,6 +13,7 @@ from graspcast.errors import FormatError, MismatchError, UnknownNameError
 from graspcast.guarantees.certificate import OVERALL, Certificate, Guarantee
 from graspcast.guarantees.certify import certify
 from graspcast.guarantees.look_policy import LookPolicy
+from graspcast.guarantees.promises import Promise
 from graspcast.io.artefacts import write_artefact
 from worlds import ASKED, World, drawn
 
@@ -106,3 +107,95 @@ def test_it_keeps_the_policy_and_reads_files_that_had_none(
     write_artefact(tmp_path / "broken.json", {**mine.as_dict(), "policy": {"guide": "fused"}})
     with pytest.raises(FormatError, match="not a complete certificate"):
         Certificate.load(tmp_path / "broken.json")
+
+
+def test_a_guarantee_is_lower_only_than_what_was_asked(certificate: Certificate) -> None:
+    one = dataclasses.replace(certificate.overall, threshold=0.8, rate=0.9, best=None)
+    for asked, lower in ((None, False), (0.9, False), (0.95, True), (0.8, False)):
+        mine = dataclasses.replace(one, asked_rate=asked)
+        assert mine.is_lower is lower
+        assert ("the rate asked for was" in str(mine)) == lower
+    assert one.lower is None
+
+
+def test_what_is_not_guaranteed_is_told_with_what_would_be(certificate: Certificate) -> None:
+    none = dataclasses.replace(
+        certificate.overall,
+        threshold=None,
+        rate=0.9,
+        confidence=0.8,
+        units=7,
+        trials=20,
+        reported_threshold=0.85,
+        needed_units=22,
+        best=Promise(0.75, 0.6549, 5, 4),
+    )
+    assert none.needed_trials == 63  # 22 units of 20 / 7 trials, rounded up
+    assert dataclasses.replace(none, needed_units=21).needed_trials == 60
+    assert none.limit == pytest.approx(0.2 ** (1 / 7))
+    assert str(none) == (
+        "all objects: no threshold can be certified for a rate of 0.9 with confidence 0.8 from 7 "
+        "units; about 22 new units (63 trials) would suffice if testing starts at 0.85 and the "
+        "success rate seen there continues. A rate of at least 0.654 at probability >= 0.75 can "
+        "be, if that is accepted"
+    )
+    hopeless = dataclasses.replace(none, needed_units=None, best=None)
+    assert hopeless.needed_trials is None
+    assert str(hopeless).endswith("at no threshold is the success rate clearly above it")
+
+
+@pytest.mark.parametrize("rate", [0.9, 0.123, 0.999, 0.58])
+def test_rates_are_rounded_down(certificate: Certificate, rate: float) -> None:
+    for given, shown in ((rate, rate), (rate + 9e-4, rate), (rate - 1e-4, rate - 1e-3)):
+        one = dataclasses.replace(certificate.overall, threshold=0.5, rate=given)
+        assert f"at a rate of at least {shown:g} (confidence" in str(one)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "fits"),
+    [
+        ("rate", 0.0, True),
+        ("rate", 1.0, True),
+        ("rate", -0.1, False),
+        ("rate", True, False),
+        ("units", 0, True),
+        ("units", 2.0, False),
+        ("needed_units", None, True),
+        ("needed_units", -3, False),
+        ("attempt_rate_interval", [0.0, 1.0], True),
+        ("attempt_rate_interval", [0.0, 1.1], False),
+        ("attempt_rate_interval", [-0.1, 1.0], False),
+        ("attempt_rate_interval", [0.5], False),
+        ("attempt_rate_interval", [0.1, 0.2, 0.3], False),
+        ("attempt_rate_interval", None, False),
+        ("possible_confidence", None, True),
+        ("possible_confidence", 1.5, False),
+        ("best", None, True),
+        ("best", {}, False),
+    ],
+)
+def test_the_entries_of_a_guarantee_are_what_they_should_be(
+    certificate: Certificate, tmp_path: Path, name: str, value: object, fits: bool
+) -> None:
+    content = json.loads(json.dumps(certificate.as_dict()))
+    content["guarantees"][1][name] = value
+    write_artefact(tmp_path / "p.json", content)
+    if fits:
+        read = getattr(Certificate.load(tmp_path / "p.json").guarantees[1], name)
+        assert (list(read) if isinstance(value, list) else read) == value
+    else:
+        with pytest.raises(FormatError, match="is not a complete certificate"):
+            Certificate.load(tmp_path / "p.json")
+
+
+def test_files_of_this_format_state_what_former_ones_did_not(
+    certificate: Certificate, tmp_path: Path
+) -> None:
+    content = json.loads(json.dumps(certificate.as_dict()))
+    for guarantee in content["guarantees"]:
+        del guarantee["asked_rate"], guarantee["best"], guarantee["possible_confidence"]
+    write_artefact(tmp_path / "p.json", content)
+    with pytest.raises(FormatError, match="asked_rate"):
+        Certificate.load(tmp_path / "p.json")
+    write_artefact(tmp_path / "p.json", {**content, "format": 3})
+    assert Certificate.load(tmp_path / "p.json").overall.best is None

@@ -168,3 +168,48 @@ def test_a_certificate_without_a_guarantee_has_nothing_to_monitor() -> None:
     poor = certify(np.full(10, 0.5), n < 0, n, **ASKED)
     with pytest.raises(InputError, match="guarantees nothing"):
         LogMonitor.of(poor)
+
+
+def test_the_status_in_words(path, certificate) -> None:
+    write(path, [scene(i, 1) for i in range(4)], [(f"{i}.0", i != 2) for i in range(4)])
+    found = LogMonitor.of(certificate)
+    assert "0 attempts, success rate -; guaranteed: 0.9" in found.status.message
+    found.update(AttemptLog.read(path))
+    found.close_episodes()
+    e_value = straight((True,), (True,), (False,), (True,)).e_value
+    assert found.status.message == (
+        "all objects: no alarm. 4 attempts, success rate 0.750; guaranteed: 0.9. E-value "
+        f"{e_value:.3g} (at most {found.status.max_e_value:.3g} so far); the alarm is raised at 20"
+    )
+
+
+def test_an_outcome_that_was_read_is_not_read_again(path, certificate) -> None:
+    write(path, [scene(i, 1) for i in range(3)], [("0.0", True), ("1.0", False)])
+    found = followed(path, certificate)
+    before = found.status
+    assert found.update(AttemptLog.read(path)) == before
+    with AttemptLog.open(path) as log:
+        log.add_outcome(OutcomeRecord("2.0", True))
+        after = found.update(log)
+    assert (before.outcomes_read, after.outcomes_read) == (2, 3)
+    found.close_episodes()
+    assert found.monitor.log_wealth == straight((True,), (False,), (True,)).log_wealth
+
+
+def test_what_was_waiting_at_a_restart_does_not_count(path, certificate) -> None:
+    write(path, [scene(0), scene(1)], [("0.0", True), ("1.0", True)])
+    found = followed(path, certificate)
+    assert found.status.waiting == 2
+    found.restart()
+    assert (found.status.waiting, found.status.attempts) == (0, 0)
+    with AttemptLog.open(path) as log:
+        log.add_outcome(OutcomeRecord("0.1", False))
+        status = found.update(log)
+    assert status.left_out == {"its episode was counted before it came": 1}
+    assert (status.attempts, status.waiting) == (0, 0)
+
+
+def test_an_episode_may_have_as_many_attempts_as_its_limit(path, certificate) -> None:
+    write(path, [scene(0), scene(1)], [("0.0", True), ("0.1", True), ("1.0", True)])
+    found = followed(path, certificate, max_attempts_per_unit=2)
+    assert found.status.attempts == 2

@@ -92,3 +92,22 @@ def test_noise_of_the_motion_makes_near_instances_doubtful() -> None:
     for noise, expected in ((CameraNoise(), [1, 0]), (CameraNoise(0.1, 0.0), [-1, -1])):
         which, doubted = associate_views(mine, view_T_obj, side, (SPREAD, SPREAD), noise, ALONE)
         assert which.tolist() == expected and (doubted == (which < 0)).all()
+
+
+def test_positions_are_less_sure_along_the_ray_and_with_the_motion() -> None:
+    rng = np.random.default_rng(0)
+    position = rng.normal(size=(6, 3)) + [0.0, 0.0, 2.0]
+    spread = np.array([0.003, 0.012, 0.07, 0.5])
+    noise = CameraNoise(0.004, 0.005)
+    for i, covariance in enumerate(position_covariance(position, spread, noise)):
+        distance = np.linalg.norm(position[i])
+        ray = position[i] / distance
+        side = np.cross(ray, [1.0, 0.0, 0.0])
+        side /= np.linalg.norm(side)
+        along = (0.012 * distance) ** 2 + 0.004**2
+        across = (0.003**2 + 0.005**2) * distance**2 + 0.004**2
+        np.testing.assert_allclose(covariance @ ray, along * ray, atol=1e-12)
+        np.testing.assert_allclose(covariance @ side, across * side, atol=1e-12)
+        np.testing.assert_allclose(np.trace(covariance), along + 2 * across)
+    still = position_covariance(position, spread)
+    np.testing.assert_array_equal(still, position_covariance(position, spread, CameraNoise()))

@@ -16,6 +16,7 @@ from graspcast.pose.transforms import (
     rotation_angle,
     rotation_from_vector,
     rotation_vector,
+    skew,
     transform,
 )
 from graspcast.views.camera_motion import CameraNoise
@@ -268,3 +269,99 @@ def test_wrong_shapes_and_lacking_estimates_are_refused() -> None:
     poses[1, 1, 1] = np.nan
     with pytest.raises(InputError, match="not finite"):
         fuse_poses(poses, cameras, there, spreads(4, 2))
+
+
+def in_ray(across: float, along: float, ray: ndarray) -> ndarray:
+    """The covariance with these variances across and along a unit vector."""
+    return np.asarray(across * np.eye(3) + (along - across) * np.outer(ray, ray))
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_the_covariance_of_estimates_that_agree_adds_their_information(moved: bool) -> None:
+    """By estimators within a view, by views after what a view's estimators share."""
+    n, v, k = 3, 4, 3
+    _, cam_T_view, there, true = world(n, v, k)
+    poses = np.repeat((invert(cam_T_view) @ true[:, None])[:, :, None], k, axis=2)
+    rng = np.random.default_rng(0)
+    there = rng.random((n, v, k)) < 0.6
+    there[:, 0, 0] = True
+    spread = rng.uniform(0.5, 2.0, (n, k, 4)) * [*SIZES, 0.3]
+    noise = rng.uniform(0.5, 2.0, (n, v, 2)) * [0.002, 0.003]
+    motion = np.zeros((n, v, 6, 6))
+    if moved:
+        half = rng.normal(size=(n, v, 6, 6)) * 1e-3
+        motion = half @ np.swapaxes(half, 2, 3)
+        motion[:, 0] = 0.0
+    given = {"noise": noise, "motion_covariance": motion}
+    fused = fuse_poses(poses, cam_T_view, there, spread, **given)
+    np.testing.assert_allclose(fused.cam_T_obj, true, atol=1e-9)
+    for i in range(n):
+        information, precision = np.zeros((3, 3)), 0.0
+        for j in np.flatnonzero(there[i].any(axis=1)).tolist():
+            position = poses[i, j, 0, :3, 3]
+            far = float(np.linalg.norm(position))
+            ray = cam_T_view[i, j, :3, :3] @ position / far
+            own, turn, shared, shared_turn = np.zeros((3, 3)), 0.0, [], []
+            for e in np.flatnonzero(there[i, j]).tolist():
+                across, along, angle, share = np.square(spread[i, e]) * [far**2, far**2, 1, 1]
+                share = spread[i, e, 3]
+                own += np.linalg.inv((1 - share) * in_ray(across, along, ray))
+                turn += 1 / ((1 - share) * angle)
+                shared.append(share * in_ray(across, along, ray))
+                shared_turn.append(share * angle)
+            total = np.linalg.inv(own) + np.mean(shared, axis=0)
+            total_turn = 1 / turn + np.mean(shared_turn)
+            if j:
+                metres, radians = np.square(noise[i, j])
+                total += in_ray(metres + radians * far**2, metres, ray)
+                total_turn += radians
+                jacobian = np.hstack([np.eye(3), -skew(true[i, :3, 3])])
+                total += jacobian @ motion[i, j] @ jacobian.T
+                total_turn += np.trace(motion[i, j, 3:, 3:]) / 3
+            information += np.linalg.inv(total)
+            precision += 1 / total_turn
+        found = fused.covariance[i]
+        np.testing.assert_allclose(found[:3, :3], np.linalg.inv(information), rtol=1e-6)
+        np.testing.assert_allclose(found[3:, 3:], np.eye(3) / precision, rtol=1e-6)
+        np.testing.assert_allclose(found[:3, 3:], 0)
+
+
+def test_parallax_is_the_largest_angle_between_views_that_enter() -> None:
+    _, cam_T_view, there, true = world(4, 5, 2, degrees=20.0)
+    poses = np.repeat((invert(cam_T_view) @ true[:, None])[:, :, None], 2, axis=2)
+    there[1, 4] = False
+    there[2, 1:] = False
+    there[3, 1:4] = False
+    fused = fuse_poses(poses, cam_T_view, there, spreads(4, 2))
+    for i in range(4):
+        centres = cam_T_view[i, there[i].any(axis=1), :3, 3]
+        rays = true[i, :3, 3] - centres
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        wanted = np.arccos(np.clip(rays @ rays.T, -1, 1)).max()
+        assert fused.parallax_rad[i] == pytest.approx(wanted, abs=1e-7)
+
+
+def test_an_outlier_among_many_has_the_weight_of_cauchy() -> None:
+    """Of estimates in one view, along one axis, the fused one has the least loss."""
+    n, k = 40, 5
+    _, cameras, there, true = world(n, 1, k)
+    rng = np.random.default_rng(3)
+    poses = np.repeat(true[:, None, None], k, axis=2)
+    poses[..., :3, 3] += rng.normal(0, 0.002, (n, 1, k, 3))
+    fused = fuse_poses(poses, cameras, there, spreads(n, k))
+    assert fused.used.all()
+    for i in range(0, n, 5):
+        found = fused.cam_T_obj[i, :3, 3]
+        weights, information = [], []
+        for e in range(k):
+            t = poses[i, 0, e, :3, 3]
+            far = float(np.linalg.norm(t))
+            inverse = np.linalg.inv(in_ray((SIZES[0] * far) ** 2, (SIZES[1] * far) ** 2, t / far))
+            distance = (t - found) @ inverse @ (t - found)
+            weights.append(1 / (1 + distance / 6))
+            information.append(weights[-1] * inverse)
+        mean = np.linalg.solve(
+            np.sum(information, axis=0),
+            sum(w @ poses[i, 0, e, :3, 3] for e, w in enumerate(information)),
+        )
+        np.testing.assert_allclose(found, mean, atol=1e-6)

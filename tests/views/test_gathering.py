@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from graspcast.bop.results import Results
+from graspcast.pose.transforms import compose, invert
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from graspcast.views.gathering import Gathered, ViewRules, gather
 from graspcast.views.spread import Spreads
@@ -80,3 +81,50 @@ def test_views_in_doubt_are_left_out_and_counted() -> None:
     found = gathered({"a": estimates_of(poses, obj_ids=[1, 1])}, motion_of(CAMERAS))
     assert found.doubtful.sum() > 16
     assert any("not sure which of several" in line for line in found.single_views())
+
+
+def test_everything_that_is_gathered_is_of_its_image_and_instance() -> None:
+    """Two instances of an object, which every estimator found in another order of scores."""
+    rng = np.random.default_rng(0)
+    results = {}
+    for k, name in enumerate("abc"):
+        table = estimates_of(scattered(POSES, k), obj_ids=[1, 1])
+        columns = dict(vars(table)) | {"score": rng.permutation(len(table)) / len(table)}
+        rows = rng.random(len(table)) < (1.0 if name == "a" else 0.7)
+        results[name] = Results(**columns).select(rows)
+    found = gathered(results, motion_of(CAMERAS))
+    assert not found.present.all() and found.present[:, 1:].any(axis=(0, 1)).all()
+    for i, (_, scene_id, im_id, obj_id, number) in enumerate(found.instances.to_keys()):
+        assert found.view_im_id[i, 0] == im_id
+        assert found.est_id[i, 0] == number
+        for k, table in enumerate(results.values()):
+            for v in range(3):
+                if not found.present[i, v, k]:
+                    assert v or (found.est_id[i, k], np.isnan(found.score[i, k])) == (-1, True)
+                    continue
+                image = found.view_im_id[i, v]
+                mine = (table.scene_id == scene_id) & (table.im_id == image)
+                mine &= table.obj_id == obj_id
+                pose = found.view_T_obj[i, v, k]
+                (row,) = np.flatnonzero(mine & (table.cam_T_obj == pose).all(axis=(1, 2)))
+                if v == 0:
+                    assert found.score[i, k] == table.score[row]
+                    rank = (table.score[mine] > table.score[row]).sum()
+                    assert found.est_id[i, k] == rank
+                # All are near the same place.
+                true = found.cam_T_view[i, v] @ pose
+                assert np.linalg.norm((true - found.view_T_obj[i, 0, 0])[:3, 3]) < 0.06
+    absent = ~found.present.any(axis=2)
+    assert (found.view_im_id[absent] == -1).all()
+    np.testing.assert_array_equal(
+        found.cam_T_view[absent], np.tile(np.eye(4), (absent.sum(), 1, 1))
+    )
+    own = compose(invert(CAMERAS[found.instances.im_id])[:, None], CAMERAS[found.view_im_id])
+    np.testing.assert_allclose(found.cam_T_view[~absent], own[~absent], atol=1e-9)
+
+
+def test_what_is_said_of_one_and_of_several() -> None:
+    found = gathered({"a": estimates_of(POSES)}, motion_of(CAMERAS[:7]))
+    assert found.single_views()[0] == "single views: 2 instances have no camera pose"
+    found = gathered({"a": estimates_of(POSES[:, :1])}, motion_of(CAMERAS[:7]))
+    assert found.single_views()[0] == "single views: 1 instance has no camera pose"

@@ -7,6 +7,7 @@ import pytest
 
 from graspcast.bop.results import Results
 from graspcast.errors import MismatchError
+from graspcast.pose.lengths import shown
 from graspcast.pose.transforms import invert
 from graspcast.views.camera_motion import CameraMotion
 from graspcast.views.motion_checks import check_looks, check_motion
@@ -154,4 +155,102 @@ def test_looks_at_instances_of_one_object_are_compared_too() -> None:
     results = {"a": estimates_of(scattered(POSES, 1), obj_ids=[1] * 4)}
     assert "one object in two looks" not in check_looks(results, motion_of(CAMERAS), 11)
     with pytest.raises(MismatchError, match="in millimetres instead"):
+        check_looks(results, motion_of(scaled(1e3)), 11)
+
+
+def by_hand(poses: np.ndarray, cameras: np.ndarray, pairs: list[tuple[int, int]]) -> str:
+    """The median disagreement of positions carried from the second image of each pair, in words."""
+    shares, far = [], []
+    for o in range(poses.shape[1]):
+        for i, j in pairs:
+            carried = (invert(cameras[i]) @ cameras[j] @ poses[j, o])[:3, 3]
+            far.append(np.linalg.norm(poses[i, o, :3, 3]))
+            shares.append(np.linalg.norm(carried - poses[i, o, :3, 3]) / far[-1])
+    return shown(float(np.median(shares)) * float(np.median(far)))
+
+
+HALVES = [(i, i + 6) for i in range(6)]
+WITH_THE_LAST = [(11, i) for i in range(11)]
+OTHER = orbit(12, degrees=-35.0, radius_m=1.1)
+
+
+@pytest.mark.parametrize("looks", [False, True])
+def test_the_disagreement_and_what_is_left_of_it_are_told(looks: bool) -> None:
+    poses = scattered(POSES, 2)
+    results, motion = {"a": estimates_of(poses)}, motion_of(scaled(1e3))
+    pairs = WITH_THE_LAST if looks else HALVES
+    now, then = (by_hand(poses, c, pairs) for c in (scaled(1e3), CAMERAS))
+    what = "look" if looks else "image"
+    with pytest.raises(MismatchError) as caught:
+        check_looks(results, motion, 11) if looks else check_motion(results, motion)
+    said = str(caught.value)
+    assert (
+        f"carried from {what} to {what}, positions of objects differ by a median of {now};" in said
+    )
+    assert f"in millimetres instead of metres, it would be {then}" in said
+    assert caught.value.parameters == ("camera_poses", "world_T_cam")
+
+
+def test_the_disagreement_with_another_scene_is_told() -> None:
+    results = {"a": estimates_of(POSES)}
+    with pytest.raises(MismatchError) as caught:
+        check_motion(results, motion_of(OTHER))
+    assert f"differ by a median of {by_hand(POSES, OTHER, HALVES)}, and no" in str(caught.value)
+    said = check_looks(results, motion_of(OTHER), 11)
+    assert f"differ by a median of {by_hand(POSES, OTHER, WITH_THE_LAST)}; was an object" in said
+
+
+def test_of_many_images_forty_pairs_are_compared() -> None:
+    """The first half of the images with the second, evenly."""
+    many = orbit(170, degrees=2.0)
+    poses = seen(many, objects(2))
+    wrong = many.copy()
+    wrong[1::2, :3, 3] *= 1e3  # every second image alone, which is not compared
+    wrong[84::2] = many[84::2]
+    results = {"a": estimates_of(poses)}
+    assert check_motion(results, motion_of(many)) == ""
+    compared = {i + half for i in range(0, 85, 2) for half in (0, 85)}
+    some = many.copy()
+    for i in set(range(170)) - compared:
+        some[i, :3, 3] += 5.0
+    assert check_motion(results, motion_of(some)) == ""
+    for i in range(0, 85, 2):
+        some[i, :3, 3] += 5.0
+    with pytest.raises(MismatchError, match="contradict the estimates"):
+        check_motion(results, motion_of(some))
+
+
+def test_instances_that_are_not_in_every_image_are_compared_too() -> None:
+    table = estimates_of(scattered(POSES, 1), obj_ids=[1] * 4)
+    rows = np.random.default_rng(0).random(len(table)) < 0.7
+    results = {"a": table.select(rows)}
+    assert check_motion(results, motion_of(CAMERAS)) == ""
+    assert "one object in two" not in check_looks(results, motion_of(CAMERAS), 11)
+    with pytest.raises(MismatchError, match="in millimetres instead of metres"):
+        check_motion(results, motion_of(scaled(1e3)))
+    with pytest.raises(MismatchError, match="in millimetres instead of metres"):
+        check_looks(results, motion_of(scaled(1e3)), 11)
+
+
+def test_one_object_in_two_looks_is_said() -> None:
+    alone = {"a": estimates_of(scattered(POSES[:2, :1], 1))}
+    said = check_looks(alone, motion_of(CAMERAS[:2]), 1)
+    assert said == "the camera poses were checked by one object in two looks alone"
+    assert check_looks(alone, motion_of(CAMERAS[:1]), 0) == ""
+    two_objects = {"a": estimates_of(scattered(POSES[:2, :2], 1))}
+    assert check_looks(two_objects, motion_of(CAMERAS[:2]), 1) == ""
+    three_looks = {"a": estimates_of(scattered(POSES[:3, :1], 1))}
+    assert check_looks(three_looks, motion_of(CAMERAS[:3]), 2) == ""
+
+
+@pytest.mark.parametrize("numbers", [[1, 1, 2, 3], [3, 3, 1, 2], [1, 2, 2, 3]])
+def test_objects_that_are_alone_are_compared_beside_several_of_another(numbers: list[int]) -> None:
+    """A pair of instances that are taken for one another is no disagreement."""
+    poses = POSES.copy()
+    twice = [i for i, number in enumerate(numbers) if numbers.count(number) > 1]
+    poses[6:, twice, :3, 3] += [0.2, 0.0, 0.0]  # those have been moved, between the halves
+    results = {"a": estimates_of(poses, obj_ids=numbers)}
+    assert check_looks(results, motion_of(CAMERAS), 11) == ""
+    assert check_motion(results, motion_of(CAMERAS)) == ""
+    with pytest.raises(MismatchError, match="in millimetres instead of metres"):
         check_looks(results, motion_of(scaled(1e3)), 11)

@@ -231,3 +231,62 @@ def test_what_is_not_a_pose_or_leaves_no_room_is_said() -> None:
         next_directions(
             ahead()[None], one_look(ahead())[None], min_parallax_rad=1.0, max_turn_rad=1.1
         )
+
+
+def directions_about(now: ndarray, n: int, most: float) -> ndarray:
+    """Random directions, at most so far from one."""
+    rng = np.random.default_rng(0)
+    towards = np.cross(now, rng.normal(size=(n, 3)))
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    turn = rng.uniform(0, most, n)[:, None]
+    return np.cos(turn) * now + np.sin(turn) * towards
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_where_the_best_side_is_taken_the_best_of_the_others_is_suggested(seed: int) -> None:
+    pose = random_poses(1, seed)[0]
+    target, distance = pose[:3, 3], float(np.linalg.norm(pose[:3, 3]))
+    rng = np.random.default_rng(seed)
+    half = rng.normal(scale=0.01, size=(3, 3)) * [1.0, 2.0, 3.0]
+    covariance = covariance_of(half @ half.T)
+    first = next_look(pose, covariance)
+    taken = np.stack([np.eye(4), camera(first.direction, distance, target)])
+    look = next_look(pose, covariance, cam_T_view=taken)
+    now = -target / distance
+    others = directions_about(now, 3000, MAX_TURN_RAD)
+    views = np.stack([now, first.direction])
+    far = np.arccos(np.clip(others @ views.T, -1, 1))
+    allowed = (far >= MIN_PARALLAX_RAD).all(axis=1) & (far[:, 0] >= 1.25 * MIN_PARALLAX_RAD)
+    allowed &= (others - now)[:, 1] <= np.sin(np.deg2rad(15.0))
+    assert angle(first.direction, look.direction) >= MIN_PARALLAX_RAD
+    best = min(worst(pose, covariance, d) for d in others[allowed][:400])
+    assert worst(pose, covariance, look.direction) <= 1.03 * best
+
+
+def test_views_all_around_leave_the_direction_farthest_from_them() -> None:
+    pose = ahead()
+    now = np.array([0.0, 0.0, -1.0])
+    every = directions_about(now, 4000, np.pi / 2)
+    hole = np.array([-np.sin(0.8), 0.0, -np.cos(0.8)])
+    kept = every[np.arccos(every @ hole) > 0.75 * MIN_PARALLAX_RAD]
+    cameras = np.stack([camera(d, 1.0, pose[:3, 3]) for d in [now, *kept]])
+    look = next_look(pose, one_look(pose), cam_T_view=cameras)
+    gaps = np.arccos(np.clip(look.direction @ np.vstack([now, kept]).T, -1, 1))
+    assert gaps.min() > 0.4 * MIN_PARALLAX_RAD
+    assert angle(look.direction, hole) < MIN_PARALLAX_RAD
+
+
+def test_the_axis_among_equal_ones_is_the_nearest_to_the_ray() -> None:
+    pose = random_poses(1, 4)[0]
+    ray = pose[:3, 3] / np.linalg.norm(pose[:3, 3])
+    basis = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    for sd, flat in (
+        ([0.01, 0.01, 0.01], ray),
+        ([0.002, 0.01, 0.01], ray - (ray @ basis[:, 0]) * basis[:, 0]),
+        ([0.002, 0.01, 0.00995], ray - (ray @ basis[:, 0]) * basis[:, 0]),
+        ([0.002, 0.01, 0.0098], basis[:, 1]),  # surely the largest
+    ):
+        look = next_look(pose, covariance_of(basis @ np.diag(np.square(sd)) @ basis.T))
+        wanted = flat / np.linalg.norm(flat)
+        np.testing.assert_allclose(look.axis, wanted * np.sign(wanted @ ray), atol=1e-9)
+        assert look.axis_sd_m == pytest.approx(0.01)

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy import ndarray
+from scipy.spatial.transform import Rotation
 
 from graspcast.bop.dataset import BopDataset, GroundTruth
 from graspcast.bop.results import read_results
 from graspcast.errors import InputError, MismatchError
-from graspcast.pose.transforms import compose, invert
+from graspcast.pose.transforms import compose, invert, skew
 from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
 from graspcast.views.motion import Motion, ViewMotions
 from graspcast.views.object_motion import ObjectMotion
@@ -260,3 +261,103 @@ def test_published_estimates_of_rearranged_scenes(published: Path) -> None:
     assert median_error(ObjectMotion.from_ground_truth(truth, dataset.models)) < 0.6 * one
     estimated = ObjectMotion.from_estimates(tables, dataset="lmo", models=models)
     assert median_error(estimated) < 0.9 * one
+
+
+def test_images_that_do_not_serve_have_empty_motions() -> None:
+    motion = ObjectMotion.from_ground_truth(truth_of(POSES))
+    none = motion.views_of(2, 0, 1, [1])
+    assert (none.im_id.shape, none.cam_T_view.shape, none.noise.shape) == ((0,), (0, 4, 4), (0, 2))
+    some = motion.views_of(1, 0, 1, [1, 2, 99])
+    assert some.im_id.tolist() == [1, 2] and some.noise.shape == (2, 2)
+    assert some.left_out == {"since fewer than two other objects moved with the judged one": 1}
+    assert some.why == ""
+    nothing = motion.views_of(1, 0, 1, [])
+    assert (nothing.why, nothing.left_out) == ("", {})
+    assert motion.views_of(1, 0, 1, [99]).why.startswith("have no view, since fewer than two")
+
+
+def test_scenes_do_not_mix() -> None:
+    """Images and objects have the same numbers in both."""
+    other = seen(CAMERAS, objects(5, 7))[::-1]
+    both = [truth_of(POSES), replace(truth_of(other), scene_id=np.full(40, 2))]
+    names = ("scene_id", "im_id", "obj_id", "gt_id", "cam_T_obj", "visib_fract")
+    truth = GroundTruth(*(np.concatenate([getattr(t, n) for t in both]) for n in names))
+    together = ObjectMotion.from_ground_truth(truth)
+    assert together.scenes == {1, 2}
+    for scene, alone in ((1, truth_of(POSES)), (2, truth_of(other))):
+        motion = ObjectMotion.from_ground_truth(replace(alone, scene_id=np.full(40, scene)))
+        found, wanted = (m.views_of(scene, 3, 2, [0, 1, 5]) for m in (together, motion))
+        assert found.im_id.tolist() == wanted.im_id.tolist() == [0, 1, 5]
+        np.testing.assert_array_equal(found.cam_T_view, wanted.cam_T_view)
+
+
+@pytest.mark.parametrize(
+    ("metres", "degrees", "serves"),
+    [(0.0149, 0.0, True), (0.0151, 0.0, False), (0.0, 3.99, True), (0.0, 4.01, False)],
+)
+def test_objects_moved_together_within_15_mm_and_4_degrees(
+    metres: float, degrees: float, serves: bool
+) -> None:
+    """The judged object is moved by itself, the others stand still."""
+    poses = POSES.copy()
+    turn = Rotation.from_rotvec([np.radians(degrees), 0, 0]).as_matrix()
+    poses[1, 0, :3, :3] = poses[1, 0, :3, :3] @ turn
+    poses[1, 0, 0, 3] += metres
+    motion = ObjectMotion.from_ground_truth(truth_of(poses))
+    assert (motion.views_of(1, 0, 1, [1]).im_id.tolist() == [1]) == serves
+
+
+@pytest.mark.parametrize("objects_", [4, 6])
+def test_the_covariance_is_as_large_as_the_errors_of_the_annotation(objects_: int) -> None:
+    """Whatever is assumed of them: they say how well they agree."""
+    chi, sizes = [], []
+    for seed in range(30):
+        world_T_obj = objects(objects_, seed)
+        for scale in (1.0, 2.0):
+            rng = np.random.default_rng(seed)
+            poses = seen(CAMERAS[:2], world_T_obj)
+            shape = poses.shape[:2]
+            poses[..., :3, 3] += rng.normal(0, 0.0008 * scale, (*shape, 3))
+            angles = rng.normal(0, 0.0004 * scale, (*shape, 3)).reshape(-1, 3)
+            turn = Rotation.from_rotvec(angles).as_matrix().reshape(*shape, 3, 3)
+            poses[..., :3, :3] = turn @ poses[..., :3, :3]
+            found = ObjectMotion.from_ground_truth(truth_of(poses)).views_of(1, 0, 1, [1])
+            assert found.refine is not None
+            refined = found.refine(np.arange(1))
+            assert refined.serves.tolist() == [True]
+            sizes.append(np.trace(refined.covariance[0, :3, :3]))
+            error = (true_motion(np.array([1])) @ invert(refined.cam_T_view))[0]
+            twist = [*error[:3, 3], *Rotation.from_matrix(error[:3, :3]).as_rotvec()]
+            chi.append(twist @ np.linalg.solve(refined.covariance[0], twist))
+    assert np.divide(sizes[1::2], sizes[::2]) == pytest.approx(4.0, rel=0.05)
+    # Translations and rotations are not wrong in the ratio that is assumed.
+    assert 0.2 < np.median(chi) / 5.35 < 2.0
+
+
+def test_estimates_never_claim_more_than_their_spreads() -> None:
+    """Exact poses say nothing of how exact they are; with more objects the motion is surer."""
+    sizes = []
+    for n in (4, 7):
+        poses = seen(CAMERAS[:2], objects(n))
+        motion = ObjectMotion.from_estimates({"a": estimates_of(poses)}, dataset="d")
+        found = motion.views_of(1, 0, 1, [1])
+        assert found.refine is not None
+        refined = found.refine(np.arange(1))
+        np.testing.assert_allclose(refined.cam_T_view, found.cam_T_view, atol=1e-6)
+        sizes.append(np.trace(refined.covariance[0, :3, :3]))
+    # Of two images with a spread of 3 by 12 thousandths of 0.8 m, and 0.07 rad, each.
+    cov = refined.covariance[0]
+    cam, view = poses
+    information = np.zeros((6, 6))
+    for o in range(1, 7):
+        total = np.zeros((3, 3))
+        for pose, turn in ((cam[o], np.eye(3)), (view[o], found.cam_T_view[0, :3, :3])):
+            far = np.linalg.norm(pose[:3, 3])
+            ray = turn @ pose[:3, 3] / far
+            total += (0.003 * far) ** 2 * np.eye(3)
+            total += ((0.012 * far) ** 2 - (0.003 * far) ** 2) * np.outer(ray, ray)
+        jacobian = np.hstack([np.eye(3), -skew(cam[o, :3, 3])])
+        information += jacobian.T @ np.linalg.inv(total) @ jacobian
+        information[3:, 3:] += np.eye(3) / (2 * 0.07**2)
+    np.testing.assert_allclose(cov, np.linalg.inv(information), rtol=1e-4, atol=1e-9)
+    assert sizes[1] < sizes[0]

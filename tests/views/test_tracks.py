@@ -85,3 +85,13 @@ def test_covariances_turn() -> None:
     out = turned(np.diag([1.0, 2, 3, 4, 5, 6]), R)
     np.testing.assert_allclose(out[:3, :3], R @ np.diag([1.0, 2, 3]) @ R.T)
     np.testing.assert_allclose(out[3:, 3:], R @ np.diag([4.0, 5, 6]) @ R.T)
+
+
+def test_a_look_without_a_camera_pose_after_one_with_it_is_in_doubt() -> None:
+    tracks = Tracks()
+    tracks.follow(fused(APART, 0), CAMERAS[0])
+    numbers, said = tracks.follow(fused(APART, 1), None)
+    assert numbers == [3, 4, 5]
+    assert len(said) == 3 and all("not sure which of several" in text for text in said)
+    # Those whose places are known are kept, and found again.
+    assert tracks.follow(fused(APART, 2, seed=2), CAMERAS[2])[0][:1] != [3]

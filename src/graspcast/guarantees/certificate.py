@@ -312,6 +312,11 @@ def _count(value: Any) -> int:
     return value
 
 
+def _interval(value: Any) -> tuple[float, float]:
+    low, high = map(_share, value)
+    return low, high
+
+
 def _rounded_down(rate: float) -> str:
     """Write a rate with three digits, none above it."""
     return f"{math.floor(rate * 1000 + 1e-9) / 1000:g}"
@@ -329,7 +334,7 @@ _PARSERS: dict[str, Any] = {
     "float": _share,
     "float | None": lambda value: None if value is None else _share(value),
     "Promise | None": lambda value: None if value is None else Promise.from_dict(value),
-    "tuple[float, float]": lambda pair: (_share(pair[0]), _share(pair[1])),
+    "tuple[float, float]": _interval,
 }
 
 
