@@ -219,3 +219,58 @@ def test_objects_of_the_ycb_set(tmp_path: Path, capsys: pytest.CaptureFixture[st
     catalogue = read_catalogue(tmp_path / "out" / "objects.toml")
     for number in (1, 3):
         assert load_object(f"ycbmesh-{number}", catalogue=catalogue).mass_kg > 0
+
+
+def two_boxes(tmp_path: Path) -> Path:
+    folder = tmp_path / "parts"
+    folder.mkdir()
+    for name in ("a", "b"):
+        BOX.export(folder / f"{name}.stl")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--density", "500", "--label", "box"], "has 2 objects, which cannot share one label"),
+        (["--density", "500", "--up", "0", "0", "1"], "has 2 objects, which cannot share one up"),
+        (["--mass", "0.1"], "has 2 objects, but one mass is given; give a table"),
+    ],
+)
+def test_what_several_objects_cannot_share_is_refused(
+    tmp_path: Path, options: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["add-object", str(two_boxes(tmp_path)), "--dataset", "mine", *options]
+    assert said in refused([*command, "--out", str(tmp_path / "out")], capsys)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_output_that_is_a_file_is_refused(
+    tmp_path: Path, box: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "out").write_text("mine")
+    command = ["add-object", str(box), "--dataset", "mine", "--id", "1", "--mass", "0.1"]
+    said = refused([*command, "--out", str(tmp_path / "out")], capsys)
+    assert "is a file, not a directory" in said
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+def test_what_is_built_in_and_names_of_no_mesh_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = tmp_path / "own"
+    density = ["--density", "500"]
+    box = tmp_path / "box.stl"
+    BOX.export(box)
+    for number in ("5", "14"):
+        made = ["add-object", str(box), "--dataset", "own", "--id", number, *density]
+        assert main([*made, "--out", str(own)]) == 0
+    capsys.readouterr()
+    command = ["add-object", str(own), "--dataset", "ycbv", *density, "--out", str(tmp_path / "y")]
+    assert main(command) == 0
+    assert "left out what is built in: ycbv-5" in capsys.readouterr().err
+    table = tmp_path / "masses.csv"
+    table.write_text("object,mass_kg\na,0.1\nb,0.2\nnut,0.3\n")
+    command = ["add-object", str(two_boxes(tmp_path)), "--dataset", "mine", "--mass", str(table)]
+    assert main([*command, "--out", str(tmp_path / "m")]) == 0
+    assert "masses.csv: no mesh has the names nut" in capsys.readouterr().err

@@ -75,3 +75,37 @@ def test_too_little_memory_is_one_line(
     assert main(["grasps", "--gripper", "parallel", "--out", str(tmp_path / "sheet.png")]) == 2
     written = capfd.readouterr().err.splitlines()
     assert written[-1].startswith("graspcast grasps: ") and said in written[-1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["watch", "--size", "640"], "WxH is needed, for example 640x480, not '640'"),
+        (["watch", "--size", "641x480"], "even numbers from 64 to 4096 are needed, not '641x480'"),
+        (["log", "a.db", "--since", "yesterday"], "a time as 2026-03-01 or 2026-03-01T12:00:00"),
+        (["overlay", "--image", "3"], "SCENE/IMAGE is needed, for example 2/3, not '3'"),
+        (["overlay", "--size", "9"], "64 to 2048 pixels are needed, not '9'"),
+        (["tolerance", "--seed", "-1"], "a whole number, 0 or more, is needed, not '-1'"),
+        (["convert", "a", "--object", "mug"], "NUMBER or LABEL=NUMBER is needed, not 'mug'"),
+    ],
+)
+def test_values_of_options_that_cannot_be_read_are_named(
+    arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+    said = capsys.readouterr().err
+    assert f"argument {arguments[-2]}: {says}" in said
+
+
+def test_a_reader_that_goes_away_ends_the_program_without_a_word(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise BrokenPipeError
+
+    monkeypatch.setattr("graspcast.cli.fetch.print_table", broken, raising=False)
+    monkeypatch.setattr("graspcast.cli.console.print_table", broken)
+    assert main(["fetch", "--list"]) == 141
+    assert capfd.readouterr().err == ""

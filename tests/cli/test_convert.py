@@ -97,3 +97,15 @@ def test_a_file_of_no_known_form(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert run(tmp_path / "a.csv", "--out", tmp_path / "b.csv") == 2
     error = capsys.readouterr().err
     assert "is in none of the forms of poses that are read" in error and "SAM-6D's JSON" in error
+
+
+def test_a_file_of_transforms_of_other_objects_is_refused_for_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given, out = tmp_path / "a.csv", tmp_path / "b.csv"
+    write_results(given, RESULTS)
+    matrix = np.array(MOVE.split(), float).reshape(4, 4).tolist()
+    path = write_json(tmp_path / "T.json", {"6": matrix})
+    assert run(given, "--out", out, "--apply", f"5={path}") == 2
+    assert "is of several objects, or of another one than 5" in capsys.readouterr().err
+    assert not out.exists()

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from commands import refused
-from graspcast.bop.results import read_results
+from graspcast.bop.results import read_results, write_results
 from graspcast.cli import main
 from graspcast.forecasting.verdict_file import write_verdicts
 from graspcast.rendering.drawing import GOOD, GUIDE
@@ -111,3 +111,14 @@ def test_real_images_of_lmo(data_dir: Path, tmp_path: Path) -> None:
     assert main(["overlay", *estimates, *bop, *out]) == 0
     with Image.open(tmp_path / "o.png") as image:
         assert image.width == 2 * 200 + 8
+
+
+def test_one_dataset_and_objects_with_estimates_are_drawn(
+    world: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = read_results(world / "a_made-test.csv")
+    only = table.select((table.obj_id == 1) | (table.im_id != 3))
+    write_results(world / "a_made-test.csv", only)
+    asked = command(world, "--image", "1/3", "--objects", "made-1", "made-5")
+    assert "--objects made-5: no estimate of it in any --image" in refused(asked, capsys)
+    assert not (world / "o.png").exists()

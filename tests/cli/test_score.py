@@ -66,3 +66,25 @@ def test_files_that_are_none(files: tuple[Path, Path], capsys: pytest.CaptureFix
     assert "cannot be read" in refused(command, capsys)
     write_verdicts(said, [])
     assert "there are no verdicts to score" in refused(command, capsys)
+
+
+def test_verdicts_without_an_outcome_and_without_an_attempt_are_said(
+    files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    said, came = files
+    rows = [
+        VerdictRow(
+            InstanceKey("d", i % 4, i, 5, 0),
+            "a",
+            "parallel",
+            Verdict(False, i / 20, "why"),
+            np.eye(4),
+        )
+        for i in range(12)
+    ]
+    write_verdicts(said, rows)
+    assert main(["score", "--verdicts", str(said), "--outcomes", str(came)]) == 0
+    out, err = capsys.readouterr()
+    assert "left out 2 verdicts without an outcome" in err
+    assert "nothing is attempted, so there is no success rate when following the verdicts" in err
+    assert "always attempting" in out
