@@ -13,6 +13,9 @@ to be there; a ``graspcast VERB`` has to exist, with every option that is given.
 
 With ``--run``, blocks marked ``<!-- run -->`` are run in order, those of a page in one directory
 that also holds ``graspcast-demo``: what GRASPCAST_DEMO names, or else a demonstration run now.
+``<!-- run: goes on -->`` runs Python after the Python before it, ``<!-- run beside: URL -->`` a
+server until the page ends, once URL answers; ``<!-- file: NAME -->`` writes a block to a file.
+Two pages at a time are run.
 """
 
 from __future__ import annotations
@@ -21,22 +24,36 @@ import ast
 import os
 import re
 import shutil
+import signal
+import socket
 import subprocess
 import sys
 import time
+import urllib.request
 from argparse import ArgumentParser
+from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).parents[1]
-_BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```$", re.S | re.M)
-_MARK = re.compile(r"<!--\s*(run|run by|not run)(?:: (.*?))?\s*-->", re.S)
+_BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
+_MARK = re.compile(r"<!--\s*(run beside|run by|run|not run|file)(?:: (.*?))?\s*-->", re.S)
+_CHECKED = ("sh", "python")
+_COMMAND = re.compile(
+    r"^(graspcast [a-z]|pip install|python -m graspcast|(import|from) graspcast)", re.M
+)
+GOES_ON = "goes on"
+# The port that pages name, and where servers listen instead when their blocks are run.
+_PORT = "8000"
 
 _NAMES = {"dense": ("gdrnpp", "mine"), "direct": ("epos", "theirs"), "keypoints": ("zebrapose",)}
+_TABLES = range(21, 26)
 
 
 @dataclass(frozen=True)
@@ -70,20 +87,27 @@ def blocks(page: Path, text: str | None = None) -> Iterator[Block]:
             mark = _MARK.fullmatch(last.strip())
         line = text.count("\n", 0, found.start()) + 1
         kind, why = (mark[1], mark[2] or "") if mark else (None, "")
+        if found[1] not in _CHECKED and kind is None and not _COMMAND.search(found[2]):
+            continue  # what a program prints, or a file's content
         yield Block(page, line, found[1], found[2], kind, " ".join(why.split()))
 
 
 def problems(block: Block) -> list[str]:
     """Return what is wrong with a block, without running it."""
     out = []
-    if block.mark is None:
+    if block.language not in _CHECKED and block.mark != "file":
+        out.append("holds commands, so it has to be ```sh or ```python")
+    elif block.mark is None:
         out.append("is neither run nor marked with the reason why not")
+    elif block.mark == "run" and block.why not in ("", GOES_ON):
+        out.append(f"run: {block.why}: is none of this script's marks")
     elif block.mark != "run" and not block.why:
         out.append(f"{block.mark}: says not what")
     elif block.mark == "run by" and not (ROOT / block.why.split()[0]).is_file():
         out.append(f"run by {block.why}: there is no such file")
     check = _wrong_python if block.language == "python" else _wrong_commands
-    return [f"{block.where}: {text}" for text in [*out, *check(block.text)]]
+    checked = [] if block.mark == "file" else check(block.text)
+    return [f"{block.where}: {text}" for text in [*out, *checked]]
 
 
 def _wrong_python(text: str) -> list[str]:
@@ -140,22 +164,65 @@ def _wrong_commands(text: str) -> list[str]:
     return out
 
 
-def run(block: Block, scratch: Path, environment: Mapping[str, str]) -> str | None:
-    """Run a block in a directory; return what it printed if it failed."""
+def _command(block: Block, before: str) -> list[str]:
+    """Return the command that runs a block; ``before`` is the Python on which it goes on."""
     if block.language == "python":
-        command = [sys.executable, "-c", block.text]
-    else:
-        command = ["bash", "-euo", "pipefail", "-c", block.text]
+        return [sys.executable, "-c", before + block.text]
+    serve = (
+        'graspcast() { [ "$1" != serve ] || set -- "$@" --port "$PORT"; command graspcast "$@"; }'
+    )
+    return ["bash", "-euo", "pipefail", "-c", f"{serve}\n{block.text}"]
+
+
+def run(block: Block, here: Path, environment: Mapping[str, str], before: str = "") -> str | None:
+    """Run a block in a directory; return what it printed if it failed."""
+    command = _command(block, before)
     done = subprocess.run(
-        command, cwd=scratch, env=environment, capture_output=True, text=True, timeout=600
+        command, cwd=here, env=environment, capture_output=True, text=True, timeout=600
     )
     return None if done.returncode == 0 else f"{done.stdout}{done.stderr}"[-2000:]
+
+
+def run_beside(
+    block: Block, here: Path, environment: Mapping[str, str], until: ExitStack
+) -> str | None:
+    """Start a server, stopped with ``until``; return what it printed if it does not answer."""
+    said = here / "server.txt"
+    with said.open("w") as out:
+        server = subprocess.Popen(
+            _command(block, ""),
+            cwd=here,
+            env=environment,
+            stdout=out,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+    until.callback(server.wait)
+    until.callback(_stop, server.pid)
+    url = block.why.replace(_PORT, environment["PORT"])
+    patience = time.monotonic() + 120
+    while server.poll() is None and time.monotonic() < patience:
+        with suppress(OSError), urllib.request.urlopen(url, timeout=10):
+            return None
+        time.sleep(0.2)
+    return said.read_text()[-2000:] or f"{url} does not answer"
+
+
+def _stop(group: int) -> None:
+    with suppress(ProcessLookupError):
+        os.killpg(group, signal.SIGTERM)
+
+
+def _free_port() -> str:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        return str(taken.getsockname()[1])
 
 
 def furnish(here: Path, demo: Path) -> None:
     """Fill a directory with the files that pages name, made from a run of the demonstration.
 
-    The estimators have the names of pages as well as their own: the principal is ``gdrnpp``.
+    The estimators have the names of pages as well as their own: the principal is ``gdrnpp``. Files
+    under those names are of five of the tables that the demonstration's model has not seen.
     """
     import polars as pl
 
@@ -166,19 +233,33 @@ def furnish(here: Path, demo: Path) -> None:
     shutil.copytree(demo / "trials", here / "trials")
     shutil.copytree(data, here / "ycbv")
     for name, others in _NAMES.items():
-        for other in (name, *others):
-            shutil.copy(demo / f"{name}_ycbv-test.csv", here / f"{other}_ycbv-test.csv")
+        table = pl.read_csv(demo / f"{name}_ycbv-test.csv", infer_schema=False)
+        table.write_csv(here / f"{name}_ycbv-test.csv")
+        for other in others:
+            unseen = table.filter(pl.col("scene_id").cast(int).is_in(_TABLES))
+            unseen.write_csv(here / f"{other}_ycbv-test.csv")
     shutil.copy(demo / "model.npz", here)
     verdicts = pl.read_csv(demo / "verdicts1.csv", infer_schema=False)
     verdicts.filter(pl.col("principal") == "dense").write_csv(here / "verdicts.csv")
-    read_outcomes(demo / "trials").with_columns(
+    read_outcomes(demo / "trials").filter(pl.col("scene_id").is_in(_TABLES)).with_columns(
         pl.col("estimator").replace({name: others[0] for name, others in _NAMES.items()})
     ).write_csv(here / "trials.csv")
     poses = read_camera_motion(data / "test").world_T_cam
     lines = [f"{s},{i},{' '.join(map(str, pose.ravel()))}" for (s, i), pose in poses.items()]
     (here / "cameras.csv").write_text("\n".join(["scene_id,im_id,world_T_cam_m", *lines, ""]))
+    _write_meshes(here / "meshes")
     mug = [sys.executable, str(ROOT / ".ci" / "mug.py"), str(here / "mug.stl")]
     subprocess.run(mug, check=True)
+
+
+def _write_meshes(folder: Path) -> None:
+    """Write a folder of meshes, and a table of their masses beside it."""
+    from trimesh.creation import box, cylinder
+
+    folder.mkdir()
+    box((40, 60, 100)).export(folder / "box.stl")
+    cylinder(20, 80).export(folder / "can.stl")
+    (folder.parent / "masses.csv").write_text("object,mass_kg\nbox,0.2\ncan,0.15\n")
 
 
 def run_all(found: list[Block], demo: Path, scratch: Path) -> list[str]:
@@ -186,15 +267,40 @@ def run_all(found: list[Block], demo: Path, scratch: Path) -> list[str]:
     from graspcast import demo_dataset
 
     paths = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-    environment = {**os.environ, "PATH": paths, "DATA": str(demo_dataset().root)}
-    wrong = []
+    mine = {"PATH": paths, "DATA": str(demo_dataset().root), "PORT": _free_port()}
+
+    def of_page(page: Path) -> list[str]:
+        here = scratch / page.stem
+        here.mkdir()
+        furnish(here, demo)
+        those = [block for block in found if block.page == page]
+        with ExitStack() as until:
+            return _run_page(those, here, {**os.environ, **mine}, until)
+
+    with ThreadPoolExecutor(2) as pool:
+        wrong = pool.map(of_page, dict.fromkeys(block.page for block in found))
+        return [text for those in wrong for text in those]
+
+
+def _run_page(
+    found: list[Block], here: Path, environment: Mapping[str, str], until: ExitStack
+) -> list[str]:
+    """Run the blocks of a page in a directory; return those that failed, with their output."""
+    wrong, before = [], ""
     for block in found:
-        here = scratch / block.page.stem
-        if not here.is_dir():
-            here.mkdir()
-            furnish(here, demo)
+        text = block.text.replace(f"127.0.0.1:{_PORT}", f"127.0.0.1:{environment['PORT']}")
+        block = replace(block, text=text)
         began = time.monotonic()
-        said = run(block, here, environment)
+        if block.mark == "file":
+            (here / block.why).write_text(block.text, encoding="utf-8")
+            continue
+        if block.mark == "run beside":
+            said = run_beside(block, here, environment, until)
+        else:
+            before = before if block.why == GOES_ON else ""
+            said = run(block, here, environment, before)
+        if block.language == "python":
+            before += block.text
         state = "done" if said is None else "failed"
         print(f"{block.where}: {state}, {time.monotonic() - began:.1f} s", flush=True)
         if said is not None:
@@ -208,7 +314,7 @@ def main() -> int:
     options = parser.parse_args()
     found = [block for page in pages() for block in blocks(page)]
     wrong = [text for block in found for text in problems(block)]
-    runs = [block for block in found if block.mark == "run"]
+    runs = [block for block in found if block.mark in ("run", "run beside", "file")]
     if options.run:
         with TemporaryDirectory() as scratch:
             demo = Path(
@@ -220,8 +326,13 @@ def main() -> int:
                 subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
             wrong += run_all(runs, demo, Path(scratch))
     print("\n".join(wrong))
-    marked = sum(block.mark is not None for block in found)
-    print(f"{len(found)} blocks, {len(runs)} to be run here, {marked} marked; {len(wrong)} wrong")
+    count = Counter(block.mark for block in found)
+    here = count["run"] + count["run beside"]
+    print(
+        f"{here} blocks run here, {count['run by']} run by others, {count['not run']} not run",
+        end="",
+    )
+    print(f"; {len(wrong)} wrong")
     return 1 if wrong else 0
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import socket
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from types import ModuleType
 
@@ -38,6 +41,8 @@ RUN = "<!-- run -->\n\n"
         ("```sh\ngraspcast demo\n```\n", "neither run nor marked"),
         ("<!-- not run -->\n```sh\ngraspcast demo\n```\n", "says not what"),
         ("<!-- run by: .ci/none -->\n```sh\nls\n```\n", "no such file"),
+        ("<!-- run: now -->\n```sh\nls\n```\n", "none of this script's marks"),
+        ("```\ngraspcast demo\n```\n", "has to be ```sh or ```python"),
         (f"{RUN}```sh\ngraspcast foretell\n```\n", "no verb foretell"),
         (f"{RUN}```sh\ngraspcast demo \\\n  --speed 3\n```\n", "demo has no --speed"),
         (f"{RUN}```sh\nX=1\nfor x in a; do graspcast fuse --outt x; done\n```\n", "no --outt"),
@@ -64,6 +69,31 @@ def test_what_is_wrong_with_a_block_is_said(blocks: ModuleType, text: str, probl
 )
 def test_what_is_right_is_not_complained_of(blocks: ModuleType, text: str) -> None:
     assert said(blocks, text) == []
+
+
+def test_what_a_program_prints_is_no_block(blocks: ModuleType) -> None:
+    assert list(blocks.blocks(ROOT / "README.md", "```\ngo: 0.9\n```\n")) == []
+
+
+def test_blocks_of_a_page_are_run_in_one_directory(blocks: ModuleType, tmp_path: Path) -> None:
+    serve = f"exec {sys.executable} -m http.server $PORT --bind 127.0.0.1"
+    parts = [
+        ("file: said.txt", "toml", "hello"),
+        ("run", "python", "x = 1"),
+        ("run: goes on", "python", "assert x == 1 and open('said.txt').read().strip() == 'hello'"),
+        ("run beside: http://127.0.0.1:8000/said.txt", "sh", serve),
+        ("run", "sh", "curl -sf http://127.0.0.1:8000/said.txt"),
+        ("run", "python", "assert x"),
+    ]
+    text = "\n".join(f"<!-- {m} -->\n\n```{lang}\n{code}\n```\n" for m, lang, code in parts)
+    found = list(blocks.blocks(ROOT / "README.md", text))
+    assert [w for block in found for w in blocks.problems(block)] == []
+    environment = {**os.environ, "PORT": blocks._free_port()}
+    with ExitStack() as until:
+        (wrong,) = blocks._run_page(found, tmp_path, environment, until)
+    assert "NameError: name 'x' is not defined" in wrong
+    with pytest.raises(OSError):
+        socket.create_connection(("127.0.0.1", int(environment["PORT"])))
 
 
 def test_links_that_lead_nowhere_are_found(tmp_path: Path) -> None:
