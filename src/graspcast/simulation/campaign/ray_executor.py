@@ -115,7 +115,8 @@ def _connect(ray: Any, address: str | None) -> None:
         ray.init(address=address, log_to_driver=False, logging_level=logging.WARNING)
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise WorkerLostError(
-            f"the Ray cluster could not be used: {_first_line(error)}", parameters=("address",)
+            f"the Ray cluster could not be used: {' '.join(str(error).split())}",
+            parameters=("address",),
         ) from error
 
 
