@@ -276,7 +276,7 @@ class _Nodes:
         if self._lost is not None and (waited := now - self._lost) >= self._next_s:
             self._next_s = max(_AGAIN_S, 2 * waited)
             _log.warning(
-                "no node of the Ray cluster runs trials any more%s: the campaign waits for one; "
+                "no node of the Ray cluster runs trials%s: the campaign waits for one; "
                 "start one, or interrupt it and resume later",
                 f", for {waited:.0f} s" if waited >= 1 else "",
             )
