@@ -115,7 +115,8 @@ def _connect(ray: Any, address: str | None) -> None:
         ray.init(address=address, log_to_driver=False, logging_level=logging.WARNING)
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise WorkerLostError(
-            f"the Ray cluster could not be used: {_first_line(error)}", parameters=("address",)
+            f"the Ray cluster could not be used: {' '.join(str(error).split())}",
+            parameters=("address",),
         ) from error
 
 
@@ -275,7 +276,7 @@ class _Nodes:
         if self._lost is not None and (waited := now - self._lost) >= self._next_s:
             self._next_s = max(_AGAIN_S, 2 * waited)
             _log.warning(
-                "no node of the Ray cluster runs trials any more%s: the campaign waits for one; "
+                "no node of the Ray cluster runs trials%s: the campaign waits for one; "
                 "start one, or interrupt it and resume later",
                 f", for {waited:.0f} s" if waited >= 1 else "",
             )
