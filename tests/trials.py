@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -19,6 +20,11 @@ from solids import box, cylinder, errors, from_above, raised, sphere
 HEIGHTS = {"parallel": 0.025, "underactuated": 0.005}
 
 GRIPPERS = sorted(HEIGHTS)
+
+HANDS = [
+    pytest.param(name, marks=[] if name == "parallel" else pytest.mark.slow) for name in GRIPPERS
+]
+"""Parameters of tests that take as long with either: without slow tests there is the first alone."""
 
 
 def setup(

@@ -132,6 +132,7 @@ def test_a_table_of_thresholds_counts_what_the_policy_does_at_each(
     assert len(seen) > 3
 
 
+@pytest.mark.slow
 def test_alternatives_are_what_would_have_been_certified(world: World) -> None:
     certificate = world.certify(per_object=True, simultaneous=True)
     names = {other.name: other for other in certificate.alternatives}

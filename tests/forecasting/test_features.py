@@ -208,6 +208,7 @@ def test_missing_models_and_names(models: dict[str, Models]) -> None:
         consensus_features(three(), "a", which="poor")  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_released_add_differences(data_dir: Path, published: Path) -> None:
     """Exact on LM-O; within some per cent on YCB-V, whose meshes here are substitutes."""
     folder = (

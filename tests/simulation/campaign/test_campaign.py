@@ -81,6 +81,7 @@ def test_a_complete_campaign_is_four_files_and_is_not_run_again(
     assert again.equals(before)  # even to the seconds it took
 
 
+@pytest.mark.slow
 def test_order_does_not_matter(
     complete: Path,
     requests: TrialRequests,

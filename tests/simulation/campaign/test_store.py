@@ -109,6 +109,7 @@ def test_many_shards_are_merged_on_the_way(
     assert store.outcomes().equals(whole[:20])
 
 
+@pytest.mark.slow
 def test_a_damaged_shard_is_named_and_the_rest_stays(complete: Path, tmp_path: Path) -> None:
     directory = tmp_path / "copy"
     shutil.copytree(complete, directory)
