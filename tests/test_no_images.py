@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 import trimesh
 
 ROOT = Path(__file__).parents[1]
@@ -32,6 +33,7 @@ def test_every_file_is_the_mesh_or_written_by_a_command() -> None:
         written |= out
 
 
+@pytest.mark.slow
 def test_ci_makes_a_mug_that_is_closed(tmp_path: Path) -> None:
     mesh = tmp_path / "mug.stl"
     subprocess.run([sys.executable, ROOT / ".ci" / "mug.py", mesh], check=True)

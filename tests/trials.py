@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -19,6 +20,9 @@ from solids import box, cylinder, errors, from_above, raised, sphere
 HEIGHTS = {"parallel": 0.025, "underactuated": 0.005}
 
 GRIPPERS = sorted(HEIGHTS)
+
+HANDS = ["parallel", pytest.param("underactuated", marks=pytest.mark.slow)]
+"""Parameters of tests that take long with either: one of them is among the fast tests."""
 
 
 def setup(

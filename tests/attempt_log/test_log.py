@@ -331,6 +331,7 @@ log.add([frame(i) for i in range(done, 1000)])
 """
 
 
+@pytest.mark.slow
 def test_a_limit_on_the_size_of_files_is_a_full_disk(path):
     here = str(Path(__file__).parents[1])
     paths = os.pathsep.join([here, *sys.path])

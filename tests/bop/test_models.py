@@ -73,6 +73,7 @@ def test_symmetries_must_be_rotations(tmp_path: Path) -> None:
         Models(tmp_path)
 
 
+@pytest.mark.slow
 def test_published_meshes_have_the_published_extents(data_dir: Path) -> None:
     for name in ("lmo", "ycbv"):
         models = Models(data_dir / "bop" / name / "models")

@@ -54,6 +54,7 @@ def test_from_a_mesh_to_a_grasp(
     assert main([*sheet, *tables, "--bop", str(out), "--out", str(tmp_path / "a.png")]) == 0
 
 
+@pytest.mark.slow
 def test_again_is_unchanged_and_another_is_refused(
     tmp_path: Path, box: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

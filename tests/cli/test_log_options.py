@@ -181,6 +181,7 @@ def test_what_was_not_reported_is_left_out(world: Path, tmp_path: Path, capsys) 
     assert "left out 1 decision: another model's" in err
 
 
+@pytest.mark.slow
 def test_scenes_of_a_log_that_was_trained_on_are_known_again(
     world: Path, tmp_path: Path, capsys
 ) -> None:

@@ -158,6 +158,7 @@ def test_a_consensus_is_not_touched_and_one_estimator_serves_where_asked(
             assert row["reason"] == f"{before['reason']}; with b"
 
 
+@pytest.mark.slow
 def test_certify_takes_it_with_and_without_images(root: Path, tmp_path: Path) -> None:
     for model, more in (("plain.npz", ()), ("image.npz", ("--images",))):
         given = ["certify", *world.inputs(root), "--model", str(root / model), "--unit", "image"]

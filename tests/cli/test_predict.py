@@ -299,6 +299,7 @@ def test_objects_without_a_model_stop_no_verdict_on_the_others(
             path.write_text(text)
 
 
+@pytest.mark.slow
 def test_a_model_of_few_outcomes_of_one_scene_warns_when_trained_and_when_used(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

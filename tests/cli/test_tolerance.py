@@ -17,6 +17,7 @@ def pair(tmp_path: Path) -> list[str]:
     return ["tolerance", "--object", "cube", "--gripper", "parallel", *write_tables(tmp_path)]
 
 
+@pytest.mark.slow
 def test_tolerance_is_printed_written_and_drawn(
     tmp_path: Path, pair: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

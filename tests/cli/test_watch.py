@@ -16,6 +16,7 @@ def tables(tmp_path: Path) -> list[str]:
     return write_tables(tmp_path)
 
 
+@pytest.mark.slow
 def test_watch_says_the_outcome_and_draws_it(
     tmp_path: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 import trimesh
 
 from graspcast.bop.meshes import Mesh
@@ -65,6 +66,7 @@ def test_thirty_images_and_three_unbiased_estimators_repair_to_half_a_millimetre
         assert rotation_angle(apart[:3, :3]) < np.radians(0.2)
 
 
+@pytest.mark.slow
 def test_usual_frames_are_repaired_exactly(tmp_path: Path) -> None:
     files = healthy()
     low = files.meshes[1].vertices.min(axis=0)

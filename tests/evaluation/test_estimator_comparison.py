@@ -78,6 +78,7 @@ def test_the_order_of_principals_does_not_matter(
     assert turned.improvement == found.improvement
 
 
+@pytest.mark.slow
 def test_scores_are_those_of_forecasts_without_the_supporter(
     found: Comparison, models: dict[str, Models]
 ) -> None:
@@ -124,6 +125,7 @@ def test_two_to_six_estimators(names: str, models: dict[str, Models]) -> None:
     json.dumps(found.as_dict(), allow_nan=False)
 
 
+@pytest.mark.slow
 def test_principals_that_share_no_instance_are_not_ranked(models: dict[str, Models]) -> None:
     world = EstimatorWorld.make(120, scenes=6)
     early = (pl.col("estimator") == "a") & (pl.col("scene_id") < 3)

@@ -84,7 +84,7 @@ def test_every_method_answers_every_protocol(benchmark: Benchmark, protocol: str
         )
         assert (found.protocol, found.method, found.principal) == (protocol, name, "a")
         assert set(found.scenes) <= set(benchmark.scenes)
-        if protocol == "unseen_scenes":
+        if protocol == "unseen_gripper":  # of few folds
             again = forecast(method, name, benchmark, protocol, "a", "p")
             assert_array_equal(found.probability, again.probability)
     assert shares[-1] == 1.0

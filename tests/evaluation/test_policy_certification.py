@@ -29,7 +29,7 @@ from graspcast.views.camera_motion import CameraMotion
 from looked_at import CAMERAS, NAMES, joined, trained
 from static_scenes import estimates_of, objects, scattered, seen
 
-SCENES = range(101, 117)
+SCENES = range(101, 113)
 SETTINGS = ViewSettings(guide="fused", max_looks=3, views_from="all")
 ASKED = GuaranteeOptions(rate=0.6, confidence=0.8, unit="image", ood_alpha=0.0)
 
@@ -132,6 +132,7 @@ def test_a_table_of_thresholds_counts_what_the_policy_does_at_each(
     assert len(seen) > 3
 
 
+@pytest.mark.slow
 def test_alternatives_are_what_would_have_been_certified(world: World) -> None:
     certificate = world.certify(per_object=True, simultaneous=True)
     names = {other.name: other for other in certificate.alternatives}
@@ -218,10 +219,10 @@ def test_missing_outcomes_are_named(world: World) -> None:
     ) as caught:
         certify_policy(world.forecaster, *given, some, ASKED)
     assert caught.value.parameters == ("outcomes",)
-    few = world.outcomes.filter(pl.col("scene_id") < SCENES[10])
+    few = world.outcomes.filter(pl.col("scene_id") < SCENES[8])
     certificate = certify_policy(world.forecaster, *given, few, ASKED)
-    assert certificate.overall.trials == 10 * 2 * len(CAMERAS)
-    assert any("left out 60 instances that lack an outcome" in text for text in given[0].notes)
+    assert certificate.overall.trials == 8 * 2 * len(CAMERAS)
+    assert any("left out 40 instances that lack an outcome" in text for text in given[0].notes)
     other = world.outcomes.with_columns(scene_id=pl.col("scene_id") + 1000)
     with pytest.raises(MismatchError, match="no instance has an outcome of every grasp"):
         certify_policy(world.forecaster, *given, other, ASKED)

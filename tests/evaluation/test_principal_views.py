@@ -152,6 +152,7 @@ def test_views_that_contradict_each_other_leave_no_forecast_by_one_estimator(
     )
 
 
+@pytest.mark.slow
 def test_one_view_and_too_many_are_refused(given: Training, single: PrincipalForecasts) -> None:
     inputs = Inputs({}, {"d": given.results})
     motions = {"d": given.motion}

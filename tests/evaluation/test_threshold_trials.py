@@ -115,6 +115,7 @@ def test_held_out_scores_are_those_of_cross_validation(
     assert mine.trials.ended.max() == 1
 
 
+@pytest.mark.slow
 def test_stored_ones_are_the_out_of_fold_predictions(
     held: tuple[TrainingData, dict[str, Any]],
 ) -> None:

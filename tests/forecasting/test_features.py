@@ -52,7 +52,10 @@ def attribution(estimates: Estimates, which: slice, by: np.ndarray, *, left: boo
     return type(estimates)(**{**estimates.__dict__, "cam_T_obj": poses})
 
 
-@pytest.mark.parametrize("principal", ["epos", "gdrnpp", "zebrapose"])
+@pytest.mark.parametrize(
+    "principal",
+    ["epos", *(pytest.param(name, marks=pytest.mark.slow) for name in ("gdrnpp", "zebrapose"))],
+)
 def test_paper_features_equal_the_released_arrays(
     data_dir: Path, published: Path, principal: str
 ) -> None:
@@ -208,6 +211,7 @@ def test_missing_models_and_names(models: dict[str, Models]) -> None:
         consensus_features(three(), "a", which="poor")  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_released_add_differences(data_dir: Path, published: Path) -> None:
     """Exact on LM-O; within some per cent on YCB-V, whose meshes here are substitutes."""
     folder = (

@@ -68,6 +68,7 @@ def complementary(seed: int) -> TrainingData:
     return dataclasses.replace(data, success=success, others={"g1": 1 - success})
 
 
+@pytest.mark.slow
 def test_choosing_for_each_instance_is_better_than_any_one_grasp(given: Given) -> None:
     forecaster, fresh = given.fitted(complementary(0)), complementary(5)
     ranked = forecaster.rank(fresh.estimates, given.models)
@@ -145,6 +146,7 @@ def test_novelty_and_the_error_model_do_not_depend_on_grasps(given: Given) -> No
     assert_array_equal(one.predictor.errors.members, several.predictor.errors.members)  # type: ignore
 
 
+@pytest.mark.slow
 def test_a_grasp_with_one_outcome_is_last_and_said_to_rest_on_it(given: Given) -> None:
     rare = np.full_like(given.data.success, np.nan)
     rare[0, 0] = 1.0
@@ -184,6 +186,7 @@ def test_scores_and_certificates_are_of_the_chosen_grasps(given: Given) -> None:
     assert lacking.provenance["without_outcome"] > 0
 
 
+@pytest.mark.slow
 def test_simulated_trials_teach_grasps_without_outcomes(given: Given) -> None:
     trials = synthetic.error_outcomes(300, "d-2", seed=3)
     wide = np.ones(300, dtype=bool)

@@ -123,6 +123,7 @@ def test_a_consensus_of_two_learns_from_the_third(given: Training) -> None:
     assert_array_equal(blend.predictor.direct.value, direct.direct.value)
 
 
+@pytest.mark.slow
 def test_an_object_that_others_grasped_alone_is_learned(given: Training) -> None:
     success = given.data.success.copy()
     success[:2, given.data.objects == "d-2"] = np.nan
@@ -133,6 +134,7 @@ def test_an_object_that_others_grasped_alone_is_learned(given: Training) -> None
     assert np.isfinite(learned.probability(given.data.estimates, given.models)).all()
 
 
+@pytest.mark.slow
 def test_instances_without_its_estimate_stay(given: Training) -> None:
     data = replace(given.data, views=None).learning_from("c")
     assert data.learned is not None

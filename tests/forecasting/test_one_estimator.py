@@ -109,6 +109,7 @@ def test_a_pose_elsewhere_than_in_training_is_abstained_from(
     assert "a's pose is 3.0" in verdicts[3].reason
 
 
+@pytest.mark.slow
 def test_an_object_without_outcomes_is_abstained_from(data: TrainingData) -> None:
     success = data.success.copy()
     success[:, data.objects == "d-2"] = np.nan
@@ -184,6 +185,7 @@ def test_a_file_of_before_says_why_it_does_not_answer_one_view(views: Training) 
     assert "nothing that could contradict it" in verdict.reason
 
 
+@pytest.mark.slow
 def test_one_file_answers_for_one_view_and_for_several(
     views: Training, with_views: Forecaster
 ) -> None:
@@ -247,4 +249,8 @@ def test_what_cannot_be_learned_is_told(data: TrainingData, views: Training) -> 
         graspcast.train_forecaster(data.select(np.arange(5)))
     with pytest.raises(InputError, match="one estimator alone learns nothing of objects"):
         cross_validate(data, by="object", forests=QUICK)
+
+
+@pytest.mark.slow
+def test_it_forecasts_scenes_that_it_has_not_seen(data: TrainingData) -> None:
     assert cross_validate(data, forests=QUICK, folds=3).auroc > 0.75

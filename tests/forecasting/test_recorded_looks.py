@@ -86,6 +86,7 @@ def test_no_further_model_answers_for_an_object_that_moved(world: World, tmp_pat
     assert not any(row.verdict.attempt for row in moved)
 
 
+@pytest.mark.slow
 def test_what_the_principal_lacks_is_judged_by_the_views_of_others(
     world: World,
 ) -> None:

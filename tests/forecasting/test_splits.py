@@ -42,6 +42,7 @@ def test_no_scene_is_on_both_sides_and_each_sample_is_tested_once(
     check_folds(synthetic.tried(60, scenes=scenes, seed=seed), folds, seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gripper", GRIPPERS)
 def test_folds_of_the_published_samples(data: Published, gripper: str) -> None:
     samples, _ = data.tried("epos", gripper)

@@ -55,6 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_the_first_verdict_compiles_imports_and_reads_nothing(folder: Path) -> None:
     command = [sys.executable, "-c", FIRST_VERDICT, folder / "model.npz", folder / "models"]
     run = subprocess.run(command, capture_output=True, text=True)

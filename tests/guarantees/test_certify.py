@@ -66,6 +66,7 @@ def test_false_certificates_are_as_rare_as_allowed(world: World) -> None:
     assert false_share(world, 300, "attempt") <= margin(300)
 
 
+@pytest.mark.slow
 def test_treating_trials_as_units_certifies_too_often() -> None:
     world = World(60, 10, scene=3.0, alike=1.0)
     assert false_share(world, 300, "attempt", naive=True) > margin(300)

@@ -25,6 +25,7 @@ def imported(
     return out, import_release(data_dir / "raw" / "Consensus-Driven-Uncertainty", out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["lmo", "ycbv"])
 def test_estimates_outcomes_and_splits_equal_the_published(
     imported: tuple[Path, list[Imported]], published: Path, name: str

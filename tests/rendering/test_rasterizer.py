@@ -59,7 +59,7 @@ def square(depth: float, half: float = 10.0) -> tuple[np.ndarray, np.ndarray]:
     ],
     ids=["box", "torus", "sphere"],
 )
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_depth_is_what_rays_meet(mesh: trimesh.Trimesh, seed: int) -> None:
     vertices, faces = placed(mesh, seed)
     drawn = canvas()

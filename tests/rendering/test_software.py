@@ -75,7 +75,7 @@ def orange(pixels: np.ndarray) -> np.ndarray:
     return (pixels[..., 0] > pixels[..., 1] + 25) & (pixels[..., 1] > pixels[..., 2] + 25)
 
 
-@pytest.mark.parametrize("azimuth", [60.0, 200.0])
+@pytest.mark.parametrize("azimuth", [60.0, pytest.param(200.0, marks=pytest.mark.slow)])
 def test_it_looks_as_opengl_has_it(seen: Appearance, opengl: OpenGLDrawer, azimuth: float) -> None:
     pose(seen)
     scene = scene_of(seen.model, seen.data, azimuth)

@@ -50,6 +50,7 @@ def rows_of(trials: Trials) -> list[dict[str, Any]]:
     return [row | {"object": "ycbv-3"} for row in trials.table.iter_rows(named=True)]
 
 
+@pytest.mark.slow
 def test_the_pose_on_its_image_and_the_moments_of_the_trial(
     trials: Trials, estimates: Results
 ) -> None:

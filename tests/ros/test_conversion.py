@@ -138,8 +138,8 @@ def test_verdicts_come_after_what_they_were_made_of(tmp_path, watcher):
 @pytest.mark.parametrize(
     ("read", "out", "kind"),
     [
-        ("db3", "out", "SQLite"),
-        ("mcap", "out", "MCAP"),
+        pytest.param("db3", "out", "SQLite", marks=pytest.mark.slow),
+        pytest.param("mcap", "out", "MCAP", marks=pytest.mark.slow),
         ("db3", "out.mcap", "MCAP"),
         ("mcap", "out.db3", "SQLite"),
         ("bag", "out.bag", "ROS 1"),
@@ -185,6 +185,7 @@ def test_a_missing_estimator_is_in_the_verdicts_and_counted(tmp_path, watcher, s
     assert missing == [[], list(NAMES[1:])]
 
 
+@pytest.mark.slow
 def test_compressed_bags_are_read(tmp_path, watcher):
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import CompressionFormat, CompressionMode
@@ -326,7 +327,9 @@ def test_an_empty_bag_has_no_topics(tmp_path, watcher, suffix):
         convert_bag(path, target(tmp_path, suffix), watcher, TOPICS, settings(suffix))
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize(
+    "seed", [pytest.param(k, marks=pytest.mark.slow if k > 2 else []) for k in range(8)]
+)
 def test_flipped_bytes_end_in_a_bag_or_in_an_error_of_ours(tmp_path, watcher, suffix, seed):
     path = written(tmp_path, suffix)
     content = bytearray(files_of(path).read_bytes())

@@ -193,6 +193,7 @@ def test_the_gripper_goes_where_the_grasp_is_on_the_object(world: World) -> None
     assert any("grasp reference of d-2 by parallel" in note for note in answer.notes)
 
 
+@pytest.mark.slow
 def test_many_threads_ask_at_once(world: World) -> None:
     watcher = Watcher(world.forecaster, threshold=0.7)
     watcher.warm_up()

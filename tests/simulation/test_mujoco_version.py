@@ -111,6 +111,7 @@ def test_a_package_of_another_version_than_the_library(site: Path) -> None:
     assert "mujoco-core 4.0.1 is installed, but the library" in run.stderr
 
 
+@pytest.mark.slow
 def test_an_old_mujoco_is_refused(site: Path) -> None:
     install(site, "mujoco", "3.2.7", ("__init__.py",))
     (site / "mujoco" / "__init__.py").write_text("mj_versionString = lambda: '3.2.7'\n")

@@ -47,6 +47,7 @@ def test_in_words() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_validation_images_are_rendered_once(solids: Objects, tmp_path: Path) -> None:
     dataset = validation_images(tmp_path / "validation", solids, images=3, seed=1)
     assert dataset.name == "toy" and len(dataset.images) == 8

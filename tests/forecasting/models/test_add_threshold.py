@@ -101,6 +101,7 @@ def from_released_add(data: Published) -> dict[str, float]:
     return {"/".join(key): accuracy for key, accuracy in found.items()}
 
 
+@pytest.mark.slow
 def test_every_published_cell_with_the_released_add(
     from_released_add: dict[str, float], oracle: dict[str, float]
 ) -> None:
@@ -110,6 +111,7 @@ def test_every_published_cell_with_the_released_add(
     assert {name: round(value, 5) for name, value in from_released_add.items()} == oracle
 
 
+@pytest.mark.slow
 def test_add_from_the_meshes_deviates_in_five_cells_of_ycbv(
     data: Published, from_released_add: dict[str, float]
 ) -> None:

@@ -35,6 +35,7 @@ def test_guides_share_all_but_their_error_model_and_calibration(blends: dict[str
     assert a.errors is not c.errors and (a.estimator != c.estimator).any()
 
 
+@pytest.mark.slow
 def test_one_guide_alone_is_grown_the_same(given: Training, blends: dict[str, Blend]) -> None:
     alone = grow_blends(given.data, ("c",), TARGETS, given.models, SETTINGS)["c"]
     for name, array in alone.to_arrays().items():

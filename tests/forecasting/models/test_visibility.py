@@ -101,6 +101,7 @@ def test_each_row_rests_on_all_that_it_has(world: World, model: Visibility) -> N
     assert np.isnan(model.probability(rows, world.numbers[:5])).tolist() == [False] * 4 + [True]
 
 
+@pytest.mark.slow
 def test_asked_without_images_it_equals_a_model_trained_without_them(
     world: World, model: Visibility
 ) -> None:
@@ -115,6 +116,7 @@ def test_asked_without_images_it_equals_a_model_trained_without_them(
     assert not without.uses_image
 
 
+@pytest.mark.slow
 def test_a_score_that_is_always_the_same_is_no_score(world: World) -> None:
     model = world.fit(changed(world.features, slice(6, 7), 0.0))
     assert "score" not in model.most
@@ -124,6 +126,7 @@ def test_a_score_that_is_always_the_same_is_no_score(world: World) -> None:
     )
 
 
+@pytest.mark.slow
 def test_an_object_without_images_in_training_is_answered_without(world: World) -> None:
     features = replace(world.features, values=world.features.values.copy())
     features.values[world.numbers == 1, 7:] = np.nan
@@ -143,6 +146,7 @@ def test_forecasts_are_calibrated_on_new_scenes(model: Visibility) -> None:
         assert abs(p[mine].mean() - new.success[mine].mean()) < 0.08
 
 
+@pytest.mark.slow
 def test_out_of_fold_predictions_do_not_know_the_outcome(world: World, model: Visibility) -> None:
     kept = model.out_of_fold
     assert kept is not None

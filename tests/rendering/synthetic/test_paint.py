@@ -26,6 +26,7 @@ def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_at_least_five_objects_in_the_frame_of_the_catalogue(directory: Path) -> None:
     models = Models(directory)
     assert len(models.info) == len(PAINTED) >= 5

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from graspcast.rendering.trials.gripper_picture import save_gripper_picture
@@ -35,6 +36,7 @@ def test_the_axes_point_where_the_tcp_says(tmp_path: Path) -> None:
     assert np.nonzero(grey)[0].mean() < _where(first, blue)[1]
 
 
+@pytest.mark.slow
 def test_without_a_measurement_the_axes_are_drawn_alone(tmp_path: Path) -> None:
     save_gripper_picture(tmp_path / "a.png", FrankaHand(), size=128)
     with Image.open(tmp_path / "a.png") as picture:

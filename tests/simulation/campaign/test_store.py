@@ -132,6 +132,7 @@ def test_shards_of_earlier_versions_are_merged_too(complete: Path, tmp_path: Pat
     assert again.finish().equals(whole)
 
 
+@pytest.mark.slow
 def test_a_damaged_shard_is_named_and_the_rest_stays(complete: Path, tmp_path: Path) -> None:
     directory = tmp_path / "copy"
     shutil.copytree(complete, directory)

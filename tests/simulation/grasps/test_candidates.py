@@ -13,7 +13,9 @@ from graspcast.simulation.grasps.trial_pool import TrialPool
 from graspcast.simulation.grippers import load_gripper
 
 
-@pytest.mark.parametrize("name", ["parallel", "underactuated"])
+@pytest.mark.parametrize(
+    "name", ["parallel", pytest.param("underactuated", marks=pytest.mark.slow)]
+)
 def test_the_open_hand_is_clear_at_every_candidate(name: str) -> None:
     gripper, thing = load_gripper(name), brick()
     pool = TrialPool(thing, gripper, workers=1)

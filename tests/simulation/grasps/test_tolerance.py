@@ -46,6 +46,7 @@ def known() -> Tolerance:
     return measure_tolerance(Threshold(grasp), grasp)
 
 
+@pytest.mark.slow
 def test_each_direction_is_measured_in_the_grasps_frame(known: Tolerance) -> None:
     expected = {
         ("shift", "closing", -1): 0.008,
@@ -113,6 +114,7 @@ def test_the_unit_covariance_is_that_of_unit_errors_of_the_hand() -> None:
                     expected / np.outer(deviation, deviation), atol=0.06)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_real_pair_is_as_wide_as_the_hand_and_repeatable() -> None:
     # Jaws that open to 80 mm, around a cube: neither finger comes down on it until it is off.
     runner = TrialRunner(brick(), load_gripper("parallel"))

@@ -10,6 +10,7 @@ from graspcast.simulation.objects.decomposition import convex_hull
 from graspcast.simulation.objects.surface import Surface
 
 
+@pytest.mark.slow
 def test_a_hull_sticks_out_by_the_depth_of_the_hollow() -> None:
     ring = trimesh.creation.torus(0.05, 0.01)
     vertices, faces = np.array(ring.vertices), np.array(ring.faces)

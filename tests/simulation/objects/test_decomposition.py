@@ -46,6 +46,7 @@ def _same(a: tuple[ConvexPiece, ...], b: tuple[ConvexPiece, ...]) -> bool:
     )
 
 
+@pytest.mark.slow
 def test_an_angle_becomes_pieces_that_leave_its_notch_open(cache: Path) -> None:
     vertices, faces = _angle()
     pieces = decompose(vertices, faces, QUICK)

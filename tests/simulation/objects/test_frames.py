@@ -21,6 +21,7 @@ def test_the_same_mesh() -> None:
     assert frame_difference(moved(), moved()) == ""
 
 
+@pytest.mark.slow
 def test_another_origin() -> None:
     shift = trimesh.transformations.translation_matrix([0, 0, 0.051])
     said = frame_difference(moved(shift), moved())

@@ -73,6 +73,7 @@ def test_a_turned_and_moved_solid_has_its_symmetries_about_its_own_middle(name: 
         assert np.linalg.norm(beside) < 2e-4
 
 
+@pytest.mark.slow
 def test_axes_of_cad_are_exact_and_named() -> None:
     can = found(create.cylinder(0.03, 0.1, sections=64))
     assert can.continuous[0].axis.tolist() == [0, 0, 1]

@@ -34,6 +34,7 @@ def test_names(names: tuple[str, ...], said: str) -> None:
     assert stated(CAN, *names)[0] == said
 
 
+@pytest.mark.slow
 def test_a_doubt_where_the_shape_says_otherwise() -> None:
     assert stated(CAN, "z", "x2")[1] == ""
     assert stated(BOX, "z2")[1] == ""

@@ -19,7 +19,7 @@ from graspcast.simulation.objects.types import Grasp, GraspObject
 from graspcast.simulation.trial.collision import CollisionMonitor, forces_on_hand
 from graspcast.simulation.trial.trial import TrialRunner, TrialSettings
 from solids import IDENTITY, box, cylinder
-from trials import GRIPPERS, moved, sample, setup, timeless
+from trials import GRIPPERS, HANDS, moved, sample, setup, timeless
 
 RECORDED = Path(__file__).parents[2] / "data" / "paper_protocol_trials.json"
 UNLIMITED = {"contact_force_n": None, "short_m": None}
@@ -41,7 +41,7 @@ def limited(runner: TrialRunner, limits: Mapping[str, float | None]) -> TrialRun
     return TrialRunner(runner.grasp_object, runner.gripper, settings)
 
 
-@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize("gripper", HANDS)
 @pytest.mark.parametrize("arm_force_n", [50.0, 100.0])
 def test_a_hand_driven_into_a_fixed_block_presses_with_the_arm_s_force_and_its_own_weight(
     gripper: str, arm_force_n: float
@@ -55,7 +55,7 @@ def test_a_hand_driven_into_a_fixed_block_presses_with_the_arm_s_force_and_its_o
     assert runner.run(IDENTITY, grasp, early_stop=False).force_n == outcome.force_n
 
 
-@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize("gripper", HANDS)
 def test_a_hand_driven_into_the_table_says_so(gripper: str) -> None:
     runner, grasp = setup(gripper, box(0.04, 0.04, 0.02), 0.0)
     # Below the table's surface: beside the object, and where the hand cannot reach the object.
@@ -70,7 +70,7 @@ def test_a_hand_driven_into_the_table_says_so(gripper: str) -> None:
     assert paper.run(error, grasp).reason == "missed"
 
 
-@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize("gripper", HANDS)
 def test_a_free_approach_meets_nothing(gripper: str) -> None:
     runner, grasp = setup(gripper, box(), contact_force_n=1e-3, short_m=1e-4)
     outcome = runner.run(IDENTITY, grasp)
@@ -78,7 +78,7 @@ def test_a_free_approach_meets_nothing(gripper: str) -> None:
     assert outcome.short_m < 1e-4
 
 
-@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize("gripper", HANDS)
 def test_grasps_that_are_far_too_deep_are_held_without_limits_and_collide_by_the_robot_s_protocol(
     gripper: str,
 ) -> None:
@@ -119,7 +119,7 @@ def test_an_object_that_is_pushed_along_is_no_collision_though_it_bounces() -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize("gripper", HANDS)
 def test_labels_by_any_limits_follow_from_one_trial_by_limits_that_are_not_reached(
     gripper: str,
 ) -> None:

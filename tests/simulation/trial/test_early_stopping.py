@@ -37,7 +37,7 @@ def test_an_estimate_out_of_reach_is_missed_without_simulating_and_rightly_so(gr
 def test_stopping_early_gives_the_label_of_the_full_lift(gripper: str) -> None:
     seen: dict[str, int] = dict.fromkeys(REASONS, 0)
     saved = 0
-    for runner, error, grasp in sample(gripper, 48):
+    for runner, error, grasp in sample(gripper, 72):
         full = runner.run(error, grasp, early_stop=False)
         quick = runner.run(error, grasp)
         assert (quick.success, quick.reason) == (full.success, full.reason), error
@@ -77,17 +77,17 @@ def test_published_trials_stopped_early_have_the_labels_of_the_full_lift(data: P
             rows.append(row)
     assert len(chosen) == 29
     differing = []
-    for pair, rows in chosen.items():
+    for k, (pair, rows) in enumerate(chosen.items()):
         setup = setups[(*pair, "reference")]
-        for settings in (TrialSettings.paper(), setup.settings):
-            runner = replace(setup, settings=settings).runner()
-            for row in rows:
-                full, quick = (
-                    runner.run(trials.obj_T_est[row], setup.grasp, early_stop=stop).reason
-                    for stop in (False, True)
-                )
-                if full != quick:
-                    differing.append((pair, settings.protocol, row, full, quick))
+        settings = TrialSettings.paper() if k % 2 else setup.settings
+        runner = replace(setup, settings=settings).runner()
+        for row in rows:
+            full, quick = (
+                runner.run(trials.obj_T_est[row], setup.grasp, early_stop=stop).reason
+                for stop in (False, True)
+            )
+            if full != quick:
+                differing.append((pair, settings.protocol, row, full, quick))
     # A grip at an edge may creep over it after 5 to 15 s: 3 of 1,109 published trials.
     assert len(differing) <= 1, differing
 

@@ -174,6 +174,7 @@ def test_something_that_is_no_gripper_at_all_is_told_what_it_lacks() -> None:
     assert "base_T_tcp, closing, equilibrium" in report.failures[0].detail
 
 
+@pytest.mark.slow
 def test_options_of_the_hand_are_said_not_to_count(recwarn: pytest.WarningsRecorder) -> None:
     report = check_gripper(Altered(FrankaHand(), {"spec": model(with_options)}))
     (compiles,) = (check for check in report.checks if check.name == "compiles")
@@ -181,6 +182,7 @@ def test_options_of_the_hand_are_said_not_to_count(recwarn: pytest.WarningsRecor
     assert not recwarn.list
 
 
+@pytest.mark.slow
 def test_the_force_of_the_fingers_is_that_of_the_drive() -> None:
     report = check_gripper(FrankaHand())
     assert report.measured is not None

@@ -20,10 +20,10 @@ from graspcast.simulation.trial import trial as trial_module
 from graspcast.simulation.trial.scene import HAND, Scene
 from graspcast.simulation.trial.trial import TrialRunner, TrialSettings
 from solids import IDENTITY, box, cylinder, errors
-from trials import GRIPPERS, moved, nail, sample, setup, timeless
+from trials import GRIPPERS, HANDS, moved, nail, sample, setup, timeless
 
 
-@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize("gripper", HANDS)
 @pytest.mark.parametrize(
     "target", [cylinder(), box(), box(mesh=True)], ids=["cylinder", "box", "mesh"]
 )
@@ -35,7 +35,7 @@ def test_a_perfect_estimate_is_held(gripper: str, target: GraspObject) -> None:
     assert outcome.simulated_s == pytest.approx(outcome.steps * runner.settings.timestep)
 
 
-@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize("gripper", HANDS)
 def test_the_tool_centre_point_goes_to_the_grasp_carried_over_to_the_estimate(gripper: str) -> None:
     target = cylinder(lying=True)
     runner, grasp = setup(gripper, target, 0.3)
@@ -60,7 +60,7 @@ def test_the_tool_centre_point_goes_to_the_grasp_carried_over_to_the_estimate(gr
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize("gripper", HANDS)
 def test_where_an_object_s_frame_is_makes_no_difference(gripper: str) -> None:
     plain = box(0.05, 0.07, 0.06)
     new_T_old = exp(np.array([0.15, -0.1, 0.05, 0.4, 0.9, -0.3]))
@@ -86,7 +86,7 @@ def test_where_an_object_s_frame_is_makes_no_difference(gripper: str) -> None:
     assert len(set(reasons)) > 1
 
 
-@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize("gripper", HANDS)
 def test_a_hand_that_starts_in_the_object_or_the_table_is_blocked(gripper: str) -> None:
     runner, grasp = setup(gripper, box(z=0.3), 0.0)
     for error in (moved(z=-0.1), moved(z=-0.6), moved(x=0.5, z=-0.6)):
@@ -95,7 +95,7 @@ def test_a_hand_that_starts_in_the_object_or_the_table_is_blocked(gripper: str) 
         assert math.isnan(outcome.offset_m)
 
 
-@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize("gripper", HANDS)
 def test_a_hand_that_would_end_its_approach_in_the_object_is_blocked_beyond_the_limit(
     gripper: str,
 ) -> None:
@@ -123,7 +123,7 @@ def test_where_the_table_does_not_stop_the_hand_it_does_not_block_it() -> None:
     assert outcome.reason == "missed"
 
 
-@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize("gripper", HANDS)
 def test_closing_beside_the_object_is_missed(gripper: str) -> None:
     runner, grasp = setup(gripper, box(0.03, 0.03, 0.06))
     outcomes = [runner.run(moved(y=-0.12), grasp, early_stop=stop) for stop in (True, False)]
@@ -131,7 +131,7 @@ def test_closing_beside_the_object_is_missed(gripper: str) -> None:
     assert outcomes[0].offset_m == pytest.approx(outcomes[1].offset_m, abs=3e-3)
 
 
-@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize("gripper", HANDS)
 def test_what_is_too_slippery_is_dropped(gripper: str) -> None:
     runner, grasp = setup(gripper, box(friction=0.01))
     outcome = runner.run(IDENTITY, grasp)
@@ -171,7 +171,7 @@ def test_a_simulation_that_blows_up_is_unstable_and_the_next_trial_is_as_ever(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize("gripper", HANDS)
 def test_the_free_part_of_the_approach_has_no_consequence(
     gripper: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -186,7 +186,7 @@ def test_the_free_part_of_the_approach_has_no_consequence(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize("gripper", HANDS)
 def test_nothing_tunnels(gripper: str) -> None:
     deepest = [0.0]
     for runner, error, grasp in sample(gripper, 48):
@@ -200,7 +200,7 @@ def test_nothing_tunnels(gripper: str) -> None:
     assert 0.0 < max(deepest) < {"parallel": 4.75e-3, "underactuated": 12e-3}[gripper]
 
 
-@pytest.mark.parametrize("gripper", GRIPPERS)
+@pytest.mark.parametrize("gripper", HANDS)
 def test_a_trial_repeats_bit_by_bit_in_any_order_in_any_runner_and_when_watched(
     gripper: str,
 ) -> None:
@@ -218,6 +218,7 @@ def test_a_trial_repeats_bit_by_bit_in_any_order_in_any_runner_and_when_watched(
     assert len(set(once)) > 5
 
 
+@pytest.mark.slow
 def test_runners_in_two_threads_do_not_disturb_each_other() -> None:
     trials = errors(np.random.default_rng(2), 6, 0.015, 0.15)
     runners = [setup(name, cylinder()) for name in GRIPPERS]
