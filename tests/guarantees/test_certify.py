@@ -386,3 +386,14 @@ def test_probabilities_are_between_0_and_1(value: float) -> None:
     else:
         with pytest.raises(InputError, match="numbers between 0 and 1"):
             certify(looks, both, units, **ASKED)
+
+
+def test_more_than_so_many_units_are_not_asked_for() -> None:
+    """Where every attempt holds, and all are attempted, units are trials."""
+    data = np.full(10, 0.95), np.ones(10, bool), np.arange(10)
+    for confidence in (0.9, 0.999):
+        for needed in (MAX_UNITS, MAX_UNITS + 1):
+            rate = (1 - confidence) ** (1 / needed) - 1e-13
+            found = certify(*data, rate=rate, confidence=confidence, sequence=at(0.9)).overall
+            assert found.threshold is None
+            assert found.needed_units == (needed if needed == MAX_UNITS else None)

@@ -213,3 +213,18 @@ def test_an_episode_may_have_as_many_attempts_as_its_limit(path, certificate) ->
     write(path, [scene(0), scene(1)], [("0.0", True), ("0.1", True), ("1.0", True)])
     found = followed(path, certificate, max_attempts_per_unit=2)
     assert found.status.attempts == 2
+
+
+def test_any_other_log_is_refused(path, tmp_path, certificate) -> None:
+    """Whichever has the larger digest; and one that is shorter."""
+    write(path, [scene(0)], [("0.0", True)])
+    found = followed(path, certificate)
+    for i in range(6):
+        other = tmp_path / f"other{i}.db"
+        write(other, [scene(i + 1)], [(f"{i + 1}.0", True)])
+        with pytest.raises(MismatchError, match="is not the log that was read before"):
+            found.update(AttemptLog.read(other))
+    empty = tmp_path / "empty.db"
+    write(empty, [scene(0)], [])
+    with pytest.raises(MismatchError, match="outcome 1 is another"):
+        found.update(AttemptLog.read(empty))

@@ -215,3 +215,22 @@ def test_poses_may_be_given_as_lists_integers_or_masked() -> None:
 def test_what_is_no_matrix_of_numbers_is_refused(given_pose: object) -> None:
     with pytest.raises(InputError, match="by someone is not a 4x4 matrix of numbers"):
         as_pose("someone", given_pose)
+
+
+@pytest.mark.parametrize(
+    ("diameters", "suggested"), [(0.99, False), (1.01, True), (29.9, True), (30.1, False)]
+)
+def test_a_unit_is_suggested_with_which_the_distance_is_usual(
+    diameters: float, suggested: bool
+) -> None:
+    """From one to thirty diameters."""
+    (said,) = pose_problems(changed(t=[0, 0, 1000 * 0.2 * diameters])[None], DIAMETER)
+    assert ("is it in millimetres" in said) == suggested
+
+
+def test_each_pose_of_a_batch_has_its_own_problem_and_diameter() -> None:
+    poses = np.stack([changed(t=T), changed(t=-T), changed(t=T), changed(t=30 * T)])
+    sizes = np.array([0.2, 0.2, 5.0, 1.0])
+    said = pose_problems(poses, sizes)
+    assert [bool(text) for text in said] == [False, True, True, False]
+    assert "behind" in said[1] and "an object 5.00 m across" in said[2]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from graspcast.errors import InputError
+from graspcast.errors import GraspcastError, InputError
 from graspcast.pose.transforms import compose, invert
 from graspcast.views.camera_motion import CameraMotion, CameraNoise
 from static_scenes import motion_of, orbit
@@ -88,3 +88,26 @@ def test_noise_out_of_range_is_refused() -> None:
             CameraNoise(*sizes)
     with pytest.raises(InputError, match="should be a number"):
         CameraNoise("1mm")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["translation_m", "rotation_rad"])
+def test_noise_is_from_0_to_1(name: str) -> None:
+    for value in (0.0, 1.0):
+        assert getattr(CameraNoise(**{name: value}), name) == value
+    for value in (-1e-9, 1.001, float("nan"), float("inf")):
+        with pytest.raises(InputError):
+            CameraNoise(**{name: value})
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_transposed_camera_pose_is_told_from_another_last_row(axis: int) -> None:
+    pose = orbit(1)[0]
+    pose[:3, 3] = 0.0
+    pose[axis, 3] = 0.7
+    with pytest.raises(GraspcastError, match="not 0 0 0 1; it looks transposed"):
+        CameraMotion.of([1], [0], pose.T[None])
+    odd = pose.copy()
+    odd[3, 1] = 0.5
+    with pytest.raises(GraspcastError, match=r"last row 0 0\.5 0 1, not 0 0 0 1") as caught:
+        CameraMotion.of([1], [0], odd[None])
+    assert "transposed" not in str(caught.value)

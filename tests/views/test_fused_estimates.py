@@ -205,3 +205,9 @@ def test_published_estimates(published: Path) -> None:
     inverted = {key: np.linalg.inv(pose) for key, pose in motion.world_T_cam.items()}
     with pytest.raises(GraspcastError, match="read in the other direction"):
         fuse_estimates(tables, CameraMotion(inverted), dataset="ycbv", models=models)
+
+
+def test_fused_results_have_no_time() -> None:
+    """-1 is BOP's value for a time that is not known."""
+    found = fuse_estimates({"a": estimates_of(scattered(POSES, 1))}, None, dataset="d")
+    assert (found.results.time_s == -1.0).all()

@@ -290,3 +290,21 @@ def test_the_axis_among_equal_ones_is_the_nearest_to_the_ray() -> None:
         wanted = flat / np.linalg.norm(flat)
         np.testing.assert_allclose(look.axis, wanted * np.sign(wanted @ ray), atol=1e-9)
         assert look.axis_sd_m == pytest.approx(0.01)
+
+
+def test_a_view_from_twice_the_distance_is_less_sure() -> None:
+    """Errors are in proportion to the distance of the object from the camera."""
+    side = np.array([[0.0, 1.0, 0.0]])
+    near, far = (
+        further_view(one_look(ahead(d))[None], ahead(d)[None], side).noise[0] for d in (0.5, 2.0)
+    )
+    np.testing.assert_allclose(far[:3, :3], 16 * near[:3, :3], atol=1e-15)
+    np.testing.assert_allclose(far[3:, 3:], near[3:, 3:])
+
+
+def test_an_axis_across_the_ray_points_to_the_cameras_right() -> None:
+    for axis in ([1.0, 0.0, 0.0], [0.8, 0.6, 0.0], [0.6, -0.8, 0.0]):
+        position = 1e-6 * np.eye(3) + 1e-4 * np.outer(axis, axis)
+        np.testing.assert_allclose(
+            next_look(ahead(), covariance_of(position)).axis, axis, atol=1e-9
+        )

@@ -17,6 +17,7 @@ from graspcast.errors import InputError, MismatchError
 from graspcast.pose.transforms import compose, invert, skew
 from graspcast.views.fused_estimates import FusedEstimates, fuse_estimates
 from graspcast.views.motion import Motion, ViewMotions
+from graspcast.views.object_consensus import ObjectPoses, fit_motion
 from graspcast.views.object_motion import ObjectMotion
 from static_scenes import estimates_of, objects, orbit, scattered, seen
 
@@ -361,3 +362,46 @@ def test_estimates_never_claim_more_than_their_spreads() -> None:
         information[3:, 3:] += np.eye(3) / (2 * 0.07**2)
     np.testing.assert_allclose(cov, np.linalg.inv(information), rtol=1e-4, atol=1e-9)
     assert sizes[1] < sizes[0]
+
+
+def every(poses: ndarray) -> ObjectPoses:
+    """Annotated poses, with what is assumed of them: a third of 15 mm and of 4 degrees."""
+    shape = poses.shape[:2]
+    return ObjectPoses(
+        poses,
+        np.ones(shape, bool),
+        np.tile(0.005**2 * np.eye(3), (*shape, 1, 1)),
+        np.full(shape, (np.radians(4.0) / 3) ** 2),
+    )
+
+
+def test_the_motion_is_the_fit_to_the_other_objects_scaled_by_how_well_they_agree() -> None:
+    poses = scattered(POSES, 3, (0.001, 0.002, 0.004))
+    found = ObjectMotion.from_ground_truth(truth_of(poses)).views_of(1, 0, 2, [1, 4])
+    assert found.refine is not None
+    refined = found.refine(np.arange(2))
+    others = [0, 2, 3, 4]
+    table = every(poses[:, others])
+    start, there = found.cam_T_view, np.ones((2, 4), bool)
+    fitted, covariance, distance = fit_motion(
+        start, table.at(0), table.at(np.array([1, 4])), there, [np.eye(4)[None]] * 4
+    )
+    np.testing.assert_allclose(refined.cam_T_view, fitted, atol=1e-6)
+    weight = 1 / (1 + distance / 6)
+    scale = (weight * distance).sum(axis=1) / (6 * (weight.sum(axis=1) - 1))
+    np.testing.assert_allclose(refined.covariance, covariance * scale[:, None, None], rtol=1e-4)
+
+
+def test_estimates_that_disagree_widen_the_covariance() -> None:
+    sizes = []
+    for by in (0.2, 0.5, 3.0):
+        errors = (0.003 * by, 0.012 * by, 0.02 * by)
+        poses = seen(CAMERAS[:2], objects(7))
+        motion = ObjectMotion.from_estimates(
+            {"a": estimates_of(scattered(poses, 1, errors))}, dataset="d"
+        )
+        found = motion.views_of(1, 0, 1, [1])
+        assert found.refine is not None
+        sizes.append(float(np.trace(found.refine(np.arange(1)).covariance[0, 3:, 3:])))
+    assert sizes[0] == pytest.approx(sizes[1], rel=0.3)
+    assert sizes[2] > 1.3 * sizes[1]

@@ -95,3 +95,30 @@ def test_a_look_without_a_camera_pose_after_one_with_it_is_in_doubt() -> None:
     assert len(said) == 3 and all("not sure which of several" in text for text in said)
     # Those whose places are known are kept, and found again.
     assert tracks.follow(fused(APART, 2, seed=2), CAMERAS[2])[0][:1] != [3]
+
+
+def test_one_of_several_and_several_of_one() -> None:
+    """The only instance of a look is the nearest of those before; a second one is new."""
+    tracks = Tracks()
+    tracks.follow(fused(APART[:2], 0), CAMERAS[0])
+    assert tracks.follow(fused(APART[1:2], 1), CAMERAS[1]) == ([1], [""])
+    alone = Tracks()
+    alone.follow(fused(APART[:1], 0), CAMERAS[0])
+    assert alone.follow(fused(APART[[1, 0]], 1), CAMERAS[1]) == ([1, 0], [""] * 2)
+    empty = Tracks()
+    empty.follow(fused(APART[:1], 0), None)
+    numbers, said = empty.follow(fused(APART[:2], 1), None)
+    assert numbers == [1, 2] and all(said)
+    assert empty.follow(fused(APART[:1], 2), None)[0] == [3]
+
+
+def test_places_are_kept_in_the_world() -> None:
+    tracks = Tracks()
+    look = fused(APART, 0)
+    tracks.follow(look, CAMERAS[0])
+    for i, track in enumerate(tracks.of("d-1")):
+        assert track.world_T_obj is not None
+        np.testing.assert_allclose(track.world_T_obj, CAMERAS[0] @ look.poses.cam_T_obj[i])
+        R = CAMERAS[0][:3, :3]
+        position = R @ look.poses.covariance[i, :3, :3] @ R.T
+        np.testing.assert_allclose(track.covariance[:3, :3], position)
