@@ -231,3 +231,20 @@ def test_every_entry_of_a_state_is_needed(tmp_path: Path) -> None:
         write_artefact(path, {k: v for k, v in whole.items() if k != key})
         with pytest.raises(FormatError, match=f"no '{key}'"):
             DriftMonitor.load(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"unit": 3}, "unit should be text or null"),
+        ({"unit": None, "unit_trials": 2}, "unit None cannot have 2 unit_trials"),
+        ({"unit": "scene", "unit_trials": 0}, "unit 'scene' cannot have 0 unit_trials"),
+    ],
+)
+def test_entries_on_the_open_unit_that_contradict_each_other(
+    tmp_path: Path, change: dict[str, object], says: str
+) -> None:
+    path = tmp_path / "m.json"
+    write_artefact(path, {**DriftMonitor(0.9).as_dict(), **change})
+    with pytest.raises(FormatError, match=says):
+        DriftMonitor.load(path)
