@@ -12,7 +12,7 @@ measurements are put together:
     python scripts/measure_coverage.py --training .venv-train/bin/python
 
 --fail-under holds where the published data is, since many tests skip without it. What is not run,
-and why, is in CONTRIBUTING.md.
+and why, is in docs/architecture.md.
 """
 
 from __future__ import annotations

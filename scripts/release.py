@@ -3,11 +3,11 @@
 python scripts/release.py [--out dist] [--without STEP ...]
 
 Steps, in their order: ``state`` (nothing uncommitted, and a changelog of this version), ``lint``,
-``tests`` (all, and whether they run 95 % of lines and branches), ``lowest`` and ``newest`` (fast tests
-with the oldest and newest dependencies),
-``build`` (sdist and wheel, and what they hold), ``wheel`` (used in a fresh environment, with the
-demonstration), ``uvx`` (the demonstration by ``uvx``, straight from the wheel), ``sbom`` (a
-CycloneDX list of the wheel and all that it depends on) and ``checksums``.
+``tests`` (all, and whether they run 95 % of lines and branches), ``lowest`` and ``newest`` (fast
+tests with the oldest and newest dependencies), ``build`` (sdist and wheel, and what they hold),
+``wheel`` (used in a fresh environment, with the demonstration), ``uvx`` (the demonstration by
+``uvx``, straight from the wheel), ``sbom`` (a CycloneDX list of the wheel and all that it depends
+on) and ``checksums``.
 """
 
 from __future__ import annotations
