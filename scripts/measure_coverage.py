@@ -10,6 +10,9 @@ measurements are put together:
 
     python -m venv .venv-train && .venv-train/bin/pip install -e '.[test,train]'
     python scripts/measure_coverage.py --training .venv-train/bin/python
+
+--fail-under holds where the published data is, since many tests skip without it. What is not run,
+and why, is in docs/architecture.md.
 """
 
 from __future__ import annotations
@@ -55,9 +58,17 @@ def main() -> int:
     share = measured["totals"]["percent_covered"]
     print(f"\n{share:.2f} % of lines and branches are run", end="")
     print("" if with_training else "; training/ is left out, as PyTorch is not installed")
-    if share < options.fail_under:
-        print(f"that is less than {options.fail_under:g} %")
-    return failed or int(share < options.fail_under)
+    if share >= options.fail_under:
+        return failed
+    print(f"that is less than {options.fail_under:g} %", end="")
+    print("" if has_data() else ", but without the published data it may be")
+    return failed or int(has_data())
+
+
+def has_data() -> bool:
+    """Return whether the published data is where tests look for it (tests/conftest.py)."""
+    folder = Path(os.environ.get("GRASPCAST_DATA") or ROOT.parent / "shared" / "data")
+    return (folder / "published").is_dir()
 
 
 def run_tests(python: str, arguments: list[str], data: Path) -> int:

@@ -3,7 +3,8 @@
 python scripts/release.py [--out dist] [--skip-tests] [--without STEP ...]
 
 Steps, in their order: ``state`` (nothing uncommitted, and a changelog of this version), ``lint``,
-``tests`` (all), ``lowest`` and ``newest`` (fast tests with the oldest and newest dependencies),
+``tests`` (all, and whether they run 95 % of lines and branches), ``lowest`` and ``newest`` (fast
+tests with the oldest and newest dependencies),
 ``build`` (sdist and wheel, and what they hold), ``wheel`` (used in a fresh environment, with the
 demonstration), ``uvx`` (the demonstration by ``uvx``, straight from the wheel), ``sbom`` (a
 CycloneDX list of the wheel and all that it depends on) and ``checksums``.
@@ -31,6 +32,7 @@ from environments import program, python_of
 ROOT = Path(__file__).parents[1]
 SCRIPTS = ROOT / "scripts"
 TESTS = ("tests", "lowest", "newest")
+LEAST = ("--fail-under", "95")
 
 
 def main() -> None:
@@ -38,7 +40,7 @@ def main() -> None:
     steps: dict[str, Callable[[Path], None]] = {
         "state": lambda out: check_state(),
         "lint": lambda out: _run(sys.executable, SCRIPTS / "lint.py"),
-        "tests": lambda out: _run(sys.executable, "-m", "pytest", "-q", "--slow"),
+        "tests": lambda out: _run(sys.executable, SCRIPTS / "measure_coverage.py", *LEAST),
         "lowest": lambda out: _bounds("lowest"),
         "newest": lambda out: _bounds("newest"),
         "build": lambda out: _run(sys.executable, SCRIPTS / "build.py", "--out", out),

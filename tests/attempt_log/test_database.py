@@ -86,3 +86,15 @@ def test_an_unfinished_log_on_a_read_only_disk_is_told(small_disk):
     subprocess.run(["mount", "-o", "remount,ro", small_disk], check=True)
     with pytest.raises(InputError, match=r"other\.db-wal beside it holds records too"):
         AttemptLog.read(small_disk / "other.db")
+
+
+def test_a_path_that_cannot_be_looked_at_is_told(tmp_path):
+    with pytest.raises(InputError, match="cannot be read"):
+        check_file(tmp_path / ("a" * 300), there=True)
+
+
+def test_without_a_list_of_mounts_nothing_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("graspcast.attempt_log.database._MOUNTS", str(tmp_path / "none"))
+    with AttemptLog.open(tmp_path / "log.db") as log:
+        assert repr(log) == f"AttemptLog('{tmp_path / 'log.db'}', writer)"
+    assert repr(AttemptLog.read(tmp_path / "log.db")).endswith(", reader)")

@@ -337,3 +337,20 @@ def test_rate_and_alpha_are_above_0_and_below_1(name: str, value: float) -> None
     with pytest.raises(InputError, match=f"a monitor's {name} should be above 0 and below 1"):
         DriftMonitor(**{"rate": 0.9, name: value})
     assert DriftMonitor(0.9, max_attempts_per_unit=1).max_attempts_per_unit == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"unit": 3}, "unit should be text or null"),
+        ({"unit": None, "unit_trials": 2}, "unit None cannot have 2 unit_trials"),
+        ({"unit": "scene", "unit_trials": 0}, "unit 'scene' cannot have 0 unit_trials"),
+    ],
+)
+def test_entries_on_the_open_unit_that_contradict_each_other(
+    tmp_path: Path, change: dict[str, object], says: str
+) -> None:
+    path = tmp_path / "m.json"
+    write_artefact(path, {**DriftMonitor(0.9).as_dict(), **change})
+    with pytest.raises(FormatError, match=says):
+        DriftMonitor.load(path)

@@ -159,3 +159,23 @@ def test_what_draws_is_as_mujoco_gl_says(seen: Appearance, monkeypatch: pytest.M
     drawer = open_drawer(seen.model, WIDTH, HEIGHT)
     assert isinstance(drawer, kind)
     drawer.close()
+
+
+def test_meshes_are_drawn_from_their_faces() -> None:
+    corners = " ".join(
+        f"{x} {y} {z}" for x in (-0.1, 0.1) for y in (-0.05, 0.05) for z in (-0.15, 0.15)
+    )
+    shapes = SHAPES.replace(
+        "<worldbody>", f'<asset><mesh name="m" vertex="{corners}"/></asset><worldbody>'
+    )
+    pictures = []
+    for text in (
+        SHAPES.format(kind="box", size=".1 .05 .15"),
+        shapes.replace('size="{size}"', 'mesh="m"').format(kind="mesh"),
+    ):
+        model = mujoco.MjModel.from_xml_string(text)
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        pictures.append(drawn(SoftwareDrawer(model, WIDTH, HEIGHT), scene_of(model, data)))
+    one, other = (p[..., 0] > p[..., 1] + 127 for p in pictures)
+    assert one.sum() > 200 and overlap(one, other) > 0.97

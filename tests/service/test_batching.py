@@ -143,3 +143,52 @@ def test_several_threads_work_side_by_side() -> None:
 
     batcher = Batcher({"meet": meet}, batch=1, threads=2)
     assert run(batcher, ("meet", 1), ("meet", 2)) == [1, 2]
+
+
+def test_a_preparation_that_fails_is_logged_and_work_goes_on(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def prepare() -> None:
+        raise RuntimeError("no compiler")
+
+    batcher = Batcher({"same": lambda items: items}, prepare=prepare)
+    assert not batcher.ready
+    assert run(batcher, ("same", 1)) == [1]
+    assert "the preparation failed; the first verdicts take longer" in caplog.text
+    assert batcher.close() is None, "once more changes nothing"
+
+
+def test_work_of_an_unknown_kind_is_refused() -> None:
+    (error,) = run(Batcher({"same": lambda items: items}), ("other", 1))
+    assert isinstance(error, ValueError) and "no kind of work is called 'other'" in str(error)
+    never = Batcher({"same": lambda items: items})
+    never.close()  # before it was started
+
+
+def test_who_no_longer_waits_gets_nothing_and_the_others_their_answers(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    hold = threading.Event()
+    batcher = Batcher({"wait": lambda items: [hold.wait(9) for _ in items]}, batch=4)
+    batcher.start()
+
+    async def one_leaves() -> Any:
+        first = asyncio.create_task(batcher.do("wait", 0))
+        await asyncio.sleep(0.05)
+        leaves, stays = (asyncio.create_task(batcher.do("wait", i)) for i in (1, 2))
+        await asyncio.sleep(0.05)
+        leaves.cancel()
+        hold.set()
+        return await first, await stays
+
+    async def all_leave() -> None:
+        task = asyncio.create_task(batcher.do("wait", 0))
+        await asyncio.sleep(0.05)
+        task.cancel()
+
+    assert asyncio.run(one_leaves()) == (True, True)
+    hold.clear()
+    asyncio.run(all_leave())  # the loop has ended when the answer comes
+    hold.set()
+    batcher.close()
+    assert "1 answers were ready after the service had stopped" in caplog.text

@@ -95,7 +95,7 @@ def _caches() -> Iterator[Finding]:
 
 
 def _numba_home() -> Path:
-    if platform.system() == "Windows":
+    if platform.system() == "Windows":  # pragma: no cover
         return Path(os.environ.get("LOCALAPPDATA") or Path.home())
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 

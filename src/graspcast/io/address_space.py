@@ -23,7 +23,7 @@ def check_address_space() -> None:
     """
     try:
         import resource
-    except ImportError:  # on Windows
+    except ImportError:  # pragma: no cover - on Windows
         return
     allowed = resource.getrlimit(resource.RLIMIT_AS)[0]
     least = _LEAST + _PER_CORE * (os.cpu_count() or 1)

@@ -30,10 +30,10 @@ def cached_njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
             return njit(**options)(function)
         cache = getattr(compiled, "_cache", None)
         save = getattr(cache, "save_overload", None)
-        if cache is not None and save is not None:
+        if cache is not None and save is not None:  # pragma: no branch - private to numba
             cache.save_overload = _lenient(save)
         files = getattr(cache, "_cache_file", None)
-        if files is not None and hasattr(files, "_open_for_write"):
+        if files is not None and hasattr(files, "_open_for_write"):  # pragma: no branch
             files._open_for_write = _open_for_write
         return compiled
 

@@ -33,12 +33,12 @@ def main() -> None:
         os.set_inheritable(handle, False)  # so that the command does not hold them open
     die_with_parent = _death_signal()
     pid = os.fork()
-    if not pid:
+    if not pid:  # pragma: no cover - in a fork, as all below that is not covered
         _become(command, report, die_with_parent)
     with suppress(ProcessLookupError, PermissionError):
         os.setpgid(pid, pid)  # here too, so that it is done whoever is first
     _say(report, f"pid {pid}")
-    if not os.fork():  # this one waits for the pipe, and the parent for the command
+    if not os.fork():  # pragma: no cover - waits for the pipe, and the parent for the command
         os.close(report)
         _close_output()
         os.read(watched, 1)
@@ -51,7 +51,7 @@ def main() -> None:
     os.wait()
 
 
-def _become(command: list[str], report: int, die_with_parent: object) -> None:
+def _become(command: list[str], report: int, die_with_parent: object) -> None:  # pragma: no cover
     try:
         os.setpgid(0, 0)
         # Python ignores these, and what is ignored stays so in the program that follows.
@@ -78,7 +78,7 @@ def _death_signal() -> object:
     return None
 
 
-def _end_group(group: int, grace_s: float) -> None:
+def _end_group(group: int, grace_s: float) -> None:  # pragma: no cover
     deadline = time.monotonic() + grace_s
     alive = _signal_group(group, signal.SIGTERM)
     while alive and time.monotonic() < deadline:
@@ -87,7 +87,7 @@ def _end_group(group: int, grace_s: float) -> None:
     _signal_group(group, signal.SIGKILL)
 
 
-def _signal_group(group: int, number: int) -> bool:
+def _signal_group(group: int, number: int) -> bool:  # pragma: no cover
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(group, number)
         return True

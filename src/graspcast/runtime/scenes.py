@@ -123,7 +123,7 @@ class Scenes:
                 raise self._unknown(episode)
             self._end(episode, "was forgotten")
 
-    def _after_fork(self) -> None:
+    def _after_fork(self) -> None:  # pragma: no cover - in a fork
         """Renew, in a forked process, what another thread held when it forked."""
         self._lock = Lock()
         for _, scene in self._kept.values():

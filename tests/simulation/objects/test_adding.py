@@ -14,13 +14,14 @@ import trimesh
 
 from cad_parts import profile
 from graspcast.bop.models import Models
-from graspcast.errors import InputError, MismatchError
+from graspcast.errors import GraspcastError, InputError, MismatchError
 from graspcast.io.locks import exclusive_lock
 from graspcast.simulation.objects import adding
 from graspcast.simulation.objects.adding import built_in_ids, find_sources, write_objects
 from graspcast.simulation.objects.catalogue import read_catalogue
 from graspcast.simulation.objects.load import load_object
 from graspcast.simulation.objects.new_object import NewObject, Told, make_object
+from poses import write_models
 
 
 def part(path: Path, *, shift: float = 0.0, number: int = 3, density: float = 1000.0) -> NewObject:
@@ -173,3 +174,32 @@ def test_who_waits_too_long_is_told_why(tmp_path: Path, monkeypatch: pytest.Monk
     ):
         write_objects([new], tmp_path / "kit", bop_models=False)
     assert not (tmp_path / "kit" / "objects.toml").exists()
+
+
+def test_folders_that_do_not_say_which_objects_are_refused(tmp_path: Path) -> None:
+    parts = tmp_path / "parts"
+    parts.mkdir()
+    for name in ("obj_000003.stl", "obj_000003.ply"):
+        profile().export(parts / name)
+    with pytest.raises(InputError, match="two meshes have the same number; keep one of each"):
+        find_sources(parts, None)
+    models = write_models(tmp_path / "models", obj_1={}, obj_2={})
+    assert [s.obj_id for s in find_sources(tmp_path, None)] == [1, 2]
+    with pytest.raises(InputError, match="has no object 7") as caught:
+        find_sources(models, 7)
+    assert caught.value.parameters == ("id",)
+    (models / "obj_000002.ply").unlink()
+    with pytest.raises(InputError, match=r"lists 2 objects, but there is no obj_000002\.ply"):
+        find_sources(models, None)
+
+
+def test_a_damaged_model_is_replaced_only_where_that_is_asked_for(tmp_path: Path) -> None:
+    out, new = tmp_path / "kit", part(tmp_path / "part.stl")
+    write_objects([new], out, bop_models=False)
+    model = out / "models" / "obj_000003.ply"
+    model.write_text("no mesh")
+    with pytest.raises(GraspcastError, match=r"obj_000003\.ply"):
+        write_objects([new], out, bop_models=False)
+    assert model.read_text() == "no mesh"
+    write_objects([new], out, bop_models=False, replace=True)
+    assert Models(out / "models").mesh(3).vertices.shape == (12, 3)

@@ -226,7 +226,7 @@ def _with_few_arguments() -> Iterator[None]:
         sys.argv = before
 
 
-def _work(pipe: Any) -> None:
+def _work(pipe: Any) -> None:  # pragma: no cover - in processes that are killed in the end
     """Run batches until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
@@ -243,7 +243,7 @@ def _work(pipe: Any) -> None:
             pipe.send(answer)
 
 
-def _exit_with(sentinel: int) -> None:
+def _exit_with(sentinel: int) -> None:  # pragma: no cover - likewise
     """Exit when the parent process ends; a killed parent cannot stop its workers."""
     wait([sentinel])
     os._exit(1)
