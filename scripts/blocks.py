@@ -248,6 +248,11 @@ def furnish(here: Path, demo: Path) -> None:
     lines = [f"{s},{i},{' '.join(map(str, pose.ravel()))}" for (s, i), pose in poses.items()]
     (here / "cameras.csv").write_text("\n".join(["scene_id,im_id,world_T_cam_m", *lines, ""]))
     _write_meshes(here / "meshes")
+    # What FoundationPose writes of each image: a matrix, metres.
+    (here / "debug" / "ob_in_cam").mkdir(parents=True)
+    for i in range(3):
+        text = f"1 0 0 0.0{i}\n0 1 0 0\n0 0 1 0.7\n0 0 0 1\n"
+        (here / "debug" / "ob_in_cam" / f"{i:06d}.txt").write_text(text)
     mug = [sys.executable, str(ROOT / ".ci" / "mug.py"), str(here / "mug.stl")]
     subprocess.run(mug, check=True)
 
