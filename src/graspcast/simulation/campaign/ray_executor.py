@@ -96,14 +96,16 @@ class RayExecutor:
         mine = not ray.is_initialized()
         if mine:
             _connect(ray, self.address)
-        run = _Run(ray, self.ahead)
         try:
-            run.check_nodes()
-            yield from run.results(setups, batches)
+            run = _Run(ray, self.ahead)
+            try:
+                run.check_nodes()
+                yield from run.results(setups, batches)
+            finally:
+                run.end()
         except ray.exceptions.RayError as error:
             raise WorkerLostError(f"the Ray cluster was lost: {_first_line(error)}") from error
         finally:
-            run.end()
             if mine:
                 ray.shutdown()
 
