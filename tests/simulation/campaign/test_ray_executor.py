@@ -51,7 +51,6 @@ class FakeRay:
                 NodeAffinitySchedulingStrategy=lambda node, soft: node
             ),
         )
-        self.cloudpickle = SimpleNamespace(register_pickle_by_value=lambda module: None)
         self.head, self.connected = head, False
         self.alive, self.cores = 2, 1
         self.put_count = self.most = 0

@@ -12,6 +12,7 @@ from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
+from runpy import run_path
 from typing import Any
 
 from graspcast._version import __version__
@@ -95,14 +96,16 @@ class RayExecutor:
         mine = not ray.is_initialized()
         if mine:
             _connect(ray, self.address)
-        run = _Run(ray, self.ahead)
         try:
-            run.check_nodes()
-            yield from run.results(setups, batches)
+            run = _Run(ray, self.ahead)
+            try:
+                run.check_nodes()
+                yield from run.results(setups, batches)
+            finally:
+                run.end()
         except ray.exceptions.RayError as error:
             raise WorkerLostError(f"the Ray cluster was lost: {_first_line(error)}") from error
         finally:
-            run.end()
             if mine:
                 ray.shutdown()
 
@@ -158,8 +161,9 @@ class _Run:
 
     def __init__(self, ray: Any, ahead: int | None) -> None:
         self._ray, self._most = ray, ahead
-        ray.cloudpickle.register_pickle_by_value(on_node)
-        self._remote = ray.remote(num_cpus=1, max_retries=_RETRIES)(on_node.run)
+        # Defined anew, in no module that could be imported, so Ray sends code instead of a name.
+        self._on_node = run_path(on_node.__file__, run_name="graspcast_on_node")
+        self._remote = ray.remote(num_cpus=1, max_retries=_RETRIES)(self._on_node["run"])
         self._running: dict[Any, Batch] = {}
         self._setup: tuple[SetupKey, Any] | None = None
         self._nodes = _Nodes(ray)
@@ -168,7 +172,7 @@ class _Run:
         """Raise if a node that could run trials has other versions."""
         ray = self._ray
         on = ray.util.scheduling_strategies.NodeAffinitySchedulingStrategy
-        look = ray.remote(num_cpus=0, max_retries=0)(on_node.look)
+        look = ray.remote(num_cpus=0, max_retries=0)(self._on_node["look"])
         asked = {
             look.options(scheduling_strategy=on(node["NodeID"], soft=False)).remote(
                 _EXPECTED
