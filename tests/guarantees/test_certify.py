@@ -158,6 +158,7 @@ def test_trials_of_their_own_units_give_the_plain_exact_test(number: int) -> Non
         assert guarantee.drawn_successes == guarantee.successful_attempts == success[attempt].sum()
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(st.integers(0, 10_000), st.sampled_from(["attempt", "unit"]))
 def test_the_order_of_trials_and_the_names_of_units_do_not_matter(
