@@ -59,7 +59,11 @@ def margin(worlds: int) -> float:
 
 @pytest.mark.parametrize(
     "world",
-    [ALONE, World(60, 10, scene=3.0, alike=1.0), World(100, 5, mislead=1.0)],
+    [
+        ALONE,
+        pytest.param(World(60, 10, scene=3.0, alike=1.0), marks=pytest.mark.slow),
+        pytest.param(World(100, 5, mislead=1.0), marks=pytest.mark.slow),
+    ],
     ids=["alone", "repeats", "misleading scenes"],
 )
 def test_false_certificates_are_as_rare_as_allowed(world: World) -> None:
