@@ -14,8 +14,10 @@ from hypothesis.configuration import set_hypothesis_home_dir
 
 from graspcast.paper.dataset import Published
 
-# Beside what pytest keeps, not in the current folder.
-set_hypothesis_home_dir(Path(__file__).parents[1] / ".pytest_cache" / "hypothesis")
+# Beside what pytest keeps, not in the current folder, and not in the user's own cache.
+_KEPT = Path(__file__).parents[1] / ".pytest_cache"
+set_hypothesis_home_dir(_KEPT / "hypothesis")
+os.environ.setdefault("GRASPCAST_CACHE", str(_KEPT / "graspcast"))
 # Imports and shared machines take their time; no test is about how long it takes.
 # The same examples every time, so that a change that fails is the one that broke something.
 settings.register_profile("slow", deadline=None, derandomize=True, database=None)

@@ -20,7 +20,8 @@ from graspcast.service.app import create_app
 
 TESTS = Path(__file__).parent
 PATHS = os.pathsep.join([str(TESTS.parent / "src"), str(TESTS)])
-ENVIRONMENT = {**os.environ, "PYTHONPATH": PATHS}
+# Without lines of progress, which a slow start would put among those of the log.
+ENVIRONMENT = {**os.environ, "PYTHONPATH": PATHS, "GRASPCAST_PROGRESS_S": "0"}
 
 
 def asked(watcher: Any, *requests: tuple[str, str, dict[str, Any]], **options: Any) -> list[Any]:

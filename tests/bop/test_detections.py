@@ -198,6 +198,7 @@ def test_jitter_needs_boxes_of_visible_instances(dataset: BopDataset) -> None:
         jittered(BopDataset(dataset.root), 0)
 
 
+@pytest.mark.slow
 def test_real_boxes_are_jittered(data_dir: Path, tmp_path: Path) -> None:
     dataset = BopDataset(data_dir / "bop" / "lmo")
     targets = read_targets(dataset.root / "test_targets_bop19.json")

@@ -190,7 +190,11 @@ def test_a_second_view_beside_a_second_estimator(
     [
         (["--max-views", "1"], "nothing to compare"),
         (["--method", "direct"], "the method direct does not forecast with several views"),
-        (["--max-views", "6"], r"no instance of a with forecasts has 6 views"),
+        pytest.param(
+            ["--max-views", "6"],
+            "no instance of a with forecasts has 6 views",
+            marks=pytest.mark.slow,
+        ),
         (["--min-parallax", "179"], "no training instance has a pose from several views"),
     ],
 )

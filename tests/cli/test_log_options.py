@@ -198,6 +198,7 @@ def test_scenes_of_a_log_that_was_trained_on_are_known_again(
     assert "was trained on 1 of the 1 calibration scenes" in refused(arguments, capsys)
 
 
+@pytest.mark.slow
 def test_a_policy_that_looks_again_is_certified_at_its_threshold(
     world: Path, tmp_path: Path, capsys
 ) -> None:

@@ -87,6 +87,7 @@ def test_below_the_threshold_the_advice_is_to_look_again(root: Path, tmp_path: P
             assert row["reason"].count("one view") == 1
 
 
+@pytest.mark.slow
 def test_images_are_used_where_there_are_any(
     root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -56,6 +56,7 @@ def test_a_trial_for_each_estimate_and_none_twice(
     assert {path: path.stat().st_mtime_ns for path in files} == files
 
 
+@pytest.mark.slow
 def test_the_protocol_is_the_robot_s_unless_the_paper_s_is_asked_for(
     world: Path, tables: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -79,6 +79,7 @@ def test_numbers_are_means_over_principals_of_the_scores(found: dict[str, Any]) 
         assert figures["by_principal"]["gdrnpp"]["accuracy"] == scores[1].accuracy
 
 
+@pytest.mark.slow
 def test_intervals_and_differences_are_those_of_plain_reindexing(found: dict[str, Any]) -> None:
     """The same draws, but every row looked up, and one draw for methods and principals alike."""
     counts = draw_scenes(SCENES, BOOTSTRAP.draws, BOOTSTRAP.seed)

@@ -101,6 +101,7 @@ def test_one_view_is_forecast_by_own_outcomes_alone(
     assert_array_equal(kept.success, less.success)  # of the principal's grasps alone
 
 
+@pytest.mark.slow
 def test_a_consensus_of_two_learns_from_the_third(given: Training) -> None:
     data = replace(given.data, views=None)
     learned = _fitted(given, data, learn_from=("c",), method="two-stage")

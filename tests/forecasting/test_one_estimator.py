@@ -133,6 +133,7 @@ def test_a_score_that_says_nothing_is_none(data: TrainingData) -> None:
     assert said == {"rests on the pose, mostly visibility"}
 
 
+@pytest.mark.slow
 def test_a_saved_model_answers_to_the_bit(
     data: TrainingData, forecaster: Forecaster, with_views: Forecaster, tmp_path: Path
 ) -> None:

@@ -59,7 +59,11 @@ def margin(worlds: int) -> float:
 
 @pytest.mark.parametrize(
     "world",
-    [ALONE, World(60, 10, scene=3.0, alike=1.0), World(100, 5, mislead=1.0)],
+    [
+        ALONE,
+        pytest.param(World(60, 10, scene=3.0, alike=1.0), marks=pytest.mark.slow),
+        pytest.param(World(100, 5, mislead=1.0), marks=pytest.mark.slow),
+    ],
     ids=["alone", "repeats", "misleading scenes"],
 )
 def test_false_certificates_are_as_rare_as_allowed(world: World) -> None:
@@ -158,6 +162,7 @@ def test_trials_of_their_own_units_give_the_plain_exact_test(number: int) -> Non
         assert guarantee.drawn_successes == guarantee.successful_attempts == success[attempt].sum()
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(st.integers(0, 10_000), st.sampled_from(["attempt", "unit"]))
 def test_the_order_of_trials_and_the_names_of_units_do_not_matter(

@@ -41,6 +41,7 @@ def test_estimates_outcomes_and_splits_equal_the_published(
     assert next(read) == next(read)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["lmo", "ycbv"])
 def test_ground_truth_equals_the_published_but_for_what_no_estimator_found(
     imported: tuple[Path, list[Imported]], published: Path, name: str

@@ -15,6 +15,7 @@ from graspcast.training.objects import Objects
 from graspcast.training.validation import ERRORS, in_words, measure_errors, validation_images
 
 
+@pytest.mark.slow
 def test_errors_are_those_that_the_tables_measure(tmp_path: Path) -> None:
     from graspcast.bop.detections import read_detections
 

@@ -208,7 +208,9 @@ def test_the_calibration_of_each_part_is_applied_to_its_objects(
 # --- Files ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", ["blend", "two-stage", "direct"])
+@pytest.mark.parametrize(
+    "method", ["blend", pytest.param("two-stage", marks=pytest.mark.slow), "direct"]
+)
 def test_it_comes_back_from_its_file_bit_by_bit(
     method: str, models: dict[str, Models], tmp_path: Path
 ) -> None:

@@ -184,6 +184,7 @@ def of_three(world: World) -> Visibility:
     return world.fit(objects=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [-1, 2, 5])
 def test_an_unseen_object_is_refused(world: World, of_three: Visibility, number: int) -> None:
     model = of_three

@@ -50,6 +50,7 @@ def test_grasps_are_ordered_by_the_lower_end_of_their_intervals() -> None:
     assert [g.success for g in again.grasps] == [g.success for g in found.grasps]
 
 
+@pytest.mark.slow
 def test_a_fixed_grasp_is_ranked_even_if_it_never_holds() -> None:
     found = _ranked(fixed=1)
     (air,) = [grasp for grasp in found.grasps if grasp.origin == "-0.03"]

@@ -80,6 +80,7 @@ def test_a_deviation_along_one_axis_leaves_90_percent(known: Tolerance) -> None:
     assert high == pytest.approx(1.28, rel=0.25) and low > 4
 
 
+@pytest.mark.slow
 def test_the_scale_is_that_at_which_90_percent_succeed(known: Tolerance) -> None:
     rng = np.random.default_rng(1)
     grasp = known.grasp

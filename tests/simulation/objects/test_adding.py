@@ -83,6 +83,7 @@ def test_a_catalogue_and_a_bop_model_that_differ(tmp_path: Path) -> None:
         load_object("kit-3", catalogue=catalogue, bop_dirs={"kit": second})
 
 
+@pytest.mark.slow
 def test_bop_models_stay_where_they_are(tmp_path: Path) -> None:
     root = tmp_path / "kit"
     write_objects([part(tmp_path / "part.stl")], root, bop_models=False)

@@ -57,6 +57,7 @@ def test_an_angle_becomes_pieces_that_leave_its_notch_open(cache: Path) -> None:
     assert 0.9 * solid < _volume(pieces) < 1.25 * solid
 
 
+@pytest.mark.slow
 def test_the_cache_is_used_and_gives_the_same(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     vertices, faces = _angle()
     first = decompose(vertices, faces, QUICK)

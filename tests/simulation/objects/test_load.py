@@ -65,6 +65,7 @@ def test_every_object_rests_in_its_reference_pose(name: str, bop_dirs: dict[str,
     assert -0.002 < lowest < 0.004
 
 
+@pytest.mark.slow
 def test_a_ycb_object_is_the_same_from_either_source(bop_dirs: dict[str, Path]) -> None:
     for name in (n for n in NAMES if n.startswith("ycbv")):
         entry = read_catalogue()[name]

@@ -151,6 +151,7 @@ def test_what_slides_too_far_and_is_caught_has_slipped() -> None:
         assert outcome.offset_m == pytest.approx(0.02 + 0.06 - 0.0085, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_simulation_that_blows_up_is_unstable_and_the_next_trial_is_as_ever(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
