@@ -199,3 +199,17 @@ def test_files_of_this_format_state_what_former_ones_did_not(
         Certificate.load(tmp_path / "p.json")
     write_artefact(tmp_path / "p.json", {**content, "format": 3})
     assert Certificate.load(tmp_path / "p.json").overall.best is None
+
+
+def test_what_is_guaranteed_is_told(certificate: Certificate) -> None:
+    one = dataclasses.replace(
+        certificate.overall, threshold=0.85, rate=0.9, confidence=0.95, attempt_rate=0.624
+    )
+    said = (
+        "all objects: at probability >= 0.85 attempts succeed at a rate of at least 0.9 "
+        "(confidence 0.95); 62% are attempted"
+    )
+    assert str(one) == said
+    lower = dataclasses.replace(one, asked_rate=0.95)
+    assert str(lower) == f"{said}; the rate asked for was 0.95"
+    assert repr(dataclasses.replace(certificate, guarantees=(one,))) == f"Certificate({said})"

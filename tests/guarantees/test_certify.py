@@ -402,3 +402,13 @@ def test_more_than_so_many_units_are_not_asked_for() -> None:
             found = certify(*data, rate=rate, confidence=confidence, sequence=at(0.9)).overall
             assert found.threshold is None
             assert found.needed_units == (needed if needed == MAX_UNITS else None)
+
+
+@pytest.mark.ill_typed
+def test_every_forecast_has_an_outcome() -> None:
+    one, two, units = np.full(30, 0.9), np.full((30, 2), 0.9), np.arange(30)
+    for probability, success in ((one, two), (two, one), (two, np.full((30, 3), 0.9))):
+        with pytest.raises(InputError, match="should have the same shape"):
+            certify(probability, success > 0.5, units, **ASKED)
+    with pytest.raises(InputError, match="differ in length"):
+        certify(one, one[1:] > 0.5, units, **ASKED)

@@ -185,3 +185,9 @@ def test_a_cut_sequence_keeps_what_is_above_it() -> None:
     assert cut.thresholds == (0.9, 0.8)
     assert cut.weights == pytest.approx((0.1, 0.9))
     assert from_threshold_on(whole, 0.7).weights == pytest.approx(whole.weights)
+
+
+@pytest.mark.parametrize("weights", [(1.0, 1.0), (1.0, 2.0), (0.0, 0.0)])
+def test_weights_sum_to_1_and_to_no_other_whole_number(weights: tuple[float, float]) -> None:
+    with pytest.raises(InputError, match="that sum to 1"):
+        ThresholdSequence((0.6, 0.5), weights, "the test")

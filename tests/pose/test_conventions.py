@@ -222,3 +222,15 @@ def test_an_estimator_says_which_words_are_its_own() -> None:
 def test_how_many_have_to_lie_behind_the_camera(behind: int, total: int, words: str) -> None:
     said = behind_hint(behind, total)
     assert (words in said) if words else said == ""
+
+
+def test_symmetries_of_a_single_instance_count_too() -> None:
+    """Every instance may have an object, and symmetries, of its own."""
+    half_turn = np.diag([-1.0, -1, 1, 1])
+    poses = random_poses(20, 2)
+    symmetries = [np.stack([np.eye(4), half_turn]) for _ in range(19)] + [np.eye(4)[None]]
+    turned_over = poses.copy()
+    turned_over[:19] = poses[:19] @ half_turn
+    found = find_convention(invert(turned_over), poses, symmetries)
+    assert found is not None and found.agreeing == 20
+    assert find_convention(turned_over, poses, symmetries) is None

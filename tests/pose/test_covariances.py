@@ -107,3 +107,12 @@ def test_each_deviation_is_above_zero_and_one_of_an_estimate(place: int) -> None
         else:
             with pytest.raises(InputError, match="above zero and at most"):
                 check_deviations(*given)
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.5, 1.00001])
+def test_both_halves_have_to_be_alike(factor: float) -> None:
+    matrix = changed(0, 5, 1e-5)
+    check_covariance(matrix)
+    matrix[5, 0] *= factor
+    with pytest.raises(InputError, match="not symmetric"):
+        check_covariance(matrix)

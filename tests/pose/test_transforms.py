@@ -193,3 +193,15 @@ def test_euler_angles_just_off_the_singularity_are_not_taken_for_it() -> None:
     for off in (1e-4, 2e-6):
         r = Rotation.from_euler("ZYX", [[0.3, np.pi / 2 - off, 0.1]]).as_matrix()
         assert_allclose(g.euler_zyx(r), [[0.1, np.pi / 2 - off, 0.3]], atol=1e-6)
+
+
+def test_no_rotation_is_nearer_to_a_mirror_than_its_projection() -> None:
+    """The axis of the smallest singular value is turned over; SciPy solves the same problem."""
+    rng = np.random.default_rng(2)
+    left, right = (Rotation.random(20, random_state=i).as_matrix() for i in (1, 2))
+    sizes = np.sort(rng.uniform(0.2, 2.0, (20, 3)), axis=1)[:, ::-1] * [1.0, 1.0, -1.0]
+    matrices = left @ (sizes[..., None] * right)
+    nearest = g.project_to_rotation(matrices)
+    for matrix, found in zip(matrices, nearest, strict=True):
+        wanted, _ = Rotation.align_vectors(matrix.T, np.eye(3))
+        assert_allclose(found, wanted.as_matrix(), atol=1e-9)

@@ -14,6 +14,7 @@ from graspcast.views.association import (
     position_covariance,
 )
 from graspcast.views.camera_motion import CameraNoise
+from graspcast.views.fusion import CONTRADICTION
 
 SPREAD = np.array([0.003, 0.012, 0.07, 0.5])
 ALONE = np.eye(4)[None]
@@ -111,3 +112,29 @@ def test_positions_are_less_sure_along_the_ray_and_with_the_motion() -> None:
         np.testing.assert_allclose(np.trace(covariance), along + 2 * across)
     still = position_covariance(position, spread)
     np.testing.assert_array_equal(still, position_covariance(position, spread, CameraNoise()))
+
+
+def test_distances_are_of_position_and_rotation() -> None:
+    """Mahalanobis' of the position, and half the square of the angle over its deviation."""
+    first = standing(0.0, 0.01)
+    second = standing(0.002, turn=0.05)
+    second[0, :3, 3] += [0.0, 0.001, 0.004]
+    sides = [position_covariance(p[:, :3, 3], SPREAD) for p in (first, second)]
+    found = pair_distances(first, sides[0], second, sides[1], 0.07, ALONE)
+    for i in range(2):
+        error = first[i, :3, 3] - second[0, :3, 3]
+        position = error @ np.linalg.solve(sides[0][i] + sides[1][0], error)
+        assert found[i, 0] == pytest.approx(position + (0.05 / 0.07) ** 2 / 2)
+    # However wrong, a rotation alone makes no other instance of it.
+    half_turn = pair_distances(first, sides[0], standing(0.0, turn=np.pi), sides[1], 0.07, ALONE)
+    other = pair_distances(first, sides[0], standing(0.0, turn=1.5), sides[1], 0.07, ALONE)
+    assert half_turn[0, 0] == other[0, 0] == pytest.approx(CONTRADICTION / 2)
+    again = pair_distances(
+        first,
+        sides[0],
+        standing(0.0, turn=np.pi),
+        sides[1],
+        0.07,
+        np.stack([np.eye(4), np.diag([-1.0, -1.0, 1.0, 1.0])]),
+    )
+    assert again[0, 0] == pytest.approx(0.0, abs=1e-9)

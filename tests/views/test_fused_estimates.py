@@ -211,3 +211,23 @@ def test_fused_results_have_no_time() -> None:
     """-1 is BOP's value for a time that is not known."""
     found = fuse_estimates({"a": estimates_of(scattered(POSES, 1))}, None, dataset="d")
     assert (found.results.time_s == -1.0).all()
+
+
+def test_the_summary_counts_instances_by_views() -> None:
+    found = fuse_estimates({"a": estimates_of(POSES)}, motion_of(CAMERAS), dataset="d")
+    numbers = sorted(set(found.views.tolist()))
+    assert numbers == [1, 2, 3]
+    counts = [f"{(found.views == v).sum()} from {v} view{'s' * (v > 1)}" for v in numbers]
+    assert ", ".join(counts) in "\n".join(found.summary())
+
+
+@pytest.mark.parametrize("degrees", [0.0, 10.0, 180.0])
+def test_the_least_parallax_is_an_angle(degrees: float) -> None:
+    given = {"a": estimates_of(POSES)}
+    found = fuse_estimates(
+        given, motion_of(CAMERAS), dataset="d", min_parallax_rad=np.deg2rad(degrees)
+    )
+    assert ((found.views > 1).any()) == (degrees < 180)
+    for wrong in (-0.1, 3.2, float("nan")):
+        with pytest.raises(InputError, match="min_parallax_rad"):
+            fuse_estimates(given, motion_of(CAMERAS), dataset="d", min_parallax_rad=wrong)

@@ -365,3 +365,31 @@ def test_an_outlier_among_many_has_the_weight_of_cauchy() -> None:
             sum(w @ poses[i, 0, e, :3, 3] for e, w in enumerate(information)),
         )
         np.testing.assert_allclose(found, mean, atol=1e-6)
+
+
+@pytest.mark.parametrize("principal", [0, 1, 2])
+def test_where_no_two_agree_the_principals_estimate_remains(principal: int) -> None:
+    poses, cameras, there, _ = world(6, 1, 3)
+    poses[:, 0, :, :3, 3] += 0.3 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    there[4:, 0, (principal + 1) % 3] = False
+    fused = fuse_poses(poses, cameras, there, spreads(6, 3), principal=principal)
+    alone = np.arange(3) == principal
+    for i in range(6):
+        np.testing.assert_array_equal(fused.used[i, 0], alone)
+        np.testing.assert_array_equal(fused.dropped[i, 0], there[i, 0] & ~alone)
+        np.testing.assert_allclose(fused.cam_T_obj[i], poses[i, 0, principal], atol=1e-9)
+
+
+def test_symmetric_turns_are_no_contradiction_and_others_are() -> None:
+    half_turn = np.diag([-1.0, -1.0, 1.0, 1.0])
+    poses, cameras, there, true = world(4, 3, 2)
+    poses[:, 1] = poses[:, 1] @ half_turn
+    poses[:, 0, 1] = poses[:, 0, 1] @ half_turn
+    two, one = np.stack([np.eye(4), half_turn]), np.eye(4)[None]
+    fused = fuse_poses(poses, cameras, there, spreads(4, 2), symmetries=[two, one, two, one])
+    for i in range(4):
+        if i % 2 == 0:  # the pose, or the one that looks the same
+            off = min(np.linalg.norm(errors(fused, true @ s)[i, 3:]) for s in two)
+            assert fused.used[i].all() and off < 0.3
+        else:
+            assert fused.dropped[i].any()

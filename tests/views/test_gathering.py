@@ -128,3 +128,16 @@ def test_what_is_said_of_one_and_of_several() -> None:
     assert found.single_views()[0] == "single views: 2 instances have no camera pose"
     found = gathered({"a": estimates_of(POSES[:, :1])}, motion_of(CAMERAS[:7]))
     assert found.single_views()[0] == "single views: 1 instance has no camera pose"
+
+
+def test_progress_is_the_share_of_objects_in_images() -> None:
+    shares, said = [], []
+
+    def progress(share: float, message: object) -> None:
+        shares.append(share)
+        said.append(message)
+
+    rules = ViewRules("all", 3, np.deg2rad(12), CameraNoise())
+    gather({"a": estimates_of(POSES)}, motion_of(CAMERAS), "d", "a", Spreads(), {}, rules, progress)
+    assert shares == [i / 16 for i in range(16)]
+    assert [(c.done, c.total) for c in said] == [(i, 16) for i in range(16)]

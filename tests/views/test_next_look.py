@@ -308,3 +308,21 @@ def test_an_axis_across_the_ray_points_to_the_cameras_right() -> None:
         np.testing.assert_allclose(
             next_look(ahead(), covariance_of(position)).axis, axis, atol=1e-9
         )
+
+
+def test_beside_the_camera_there_is_a_side_to_look_from_too() -> None:
+    for x in (2.0, -2.0):
+        pose = transform(np.eye(3), np.array([x, 0.0, 0.0]))
+        look = next_look(pose, one_look(pose))
+        assert MIN_PARALLAX_RAD <= look.angle_rad <= MAX_TURN_RAD + 1e-9
+        assert look.direction[1] < 0  # from above, as the camera's right is along the ray
+
+
+def test_the_greatest_turn_is_at_most_a_right_angle() -> None:
+    next_look(ahead(), one_look(ahead()), max_turn_rad=np.pi / 2)
+    for turn in (np.pi / 2 + 0.01, 3.0):
+        with pytest.raises(InputError, match="at most 90 degrees"):
+            next_look(ahead(), one_look(ahead()), max_turn_rad=turn)
+    next_look(ahead(), one_look(ahead()), min_parallax_rad=0.0)
+    with pytest.raises(InputError, match="greatest turn should be"):
+        next_look(ahead(), one_look(ahead()), min_parallax_rad=-0.01)

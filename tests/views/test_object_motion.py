@@ -405,3 +405,15 @@ def test_estimates_that_disagree_widen_the_covariance() -> None:
         sizes.append(float(np.trace(found.refine(np.arange(1)).covariance[0, 3:, 3:])))
     assert sizes[0] == pytest.approx(sizes[1], rel=0.3)
     assert sizes[2] > 1.3 * sizes[1]
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_too_few_objects_have_no_motions_to_other_images(n: int) -> None:
+    poses = POSES[:, :n]
+    for motion in (
+        ObjectMotion.from_ground_truth(truth_of(poses)),
+        ObjectMotion.from_estimates({"a": estimates_of(poses)}, dataset="d"),
+    ):
+        found = motion.views_of(1, 0, 1, [1, 2])
+        assert found.im_id.shape == (0,) and found.cam_T_view.shape == (0, 4, 4)
+        assert found.noise.shape == (0, 2) and "fewer than two other objects" in found.why

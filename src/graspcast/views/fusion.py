@@ -132,8 +132,8 @@ def fuse_poses(
     """Fuse the poses of n instances by K estimators in V views.
 
     Views whose estimates all contradict the others are dropped, and so is a single estimate that
-    does. Where no two views agree, those of the judged image alone remain; where no two estimates
-    agree, the principal's.
+    does. Where no two views agree, those of the judged image alone remain, or those of these that
+    agree with what is fused of them; where no two estimates of all agree, the principal's.
 
     Parameters
     ----------
