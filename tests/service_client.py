@@ -106,8 +106,12 @@ def running(command: Sequence[str], folder: Path, **environment: str) -> Iterato
     try:
         yield Process(process, log, _url(process, log))
     finally:
-        process.kill()
-        process.wait()
+        process.terminate()  # what is killed cannot say which lines it ran
+        try:
+            process.wait(timeout=10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 def _url(process: subprocess.Popen[bytes], log: Path) -> str:
