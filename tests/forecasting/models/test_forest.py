@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from sklearn.ensemble import (
     RandomForestRegressor,
 )
 
-from graspcast.forecasting.models.forest import Forest, flatten
+from graspcast.forecasting.models.forest import Forest, flatten, grow_forest
 
 KINDS = [
     ExtraTreesClassifier,
@@ -191,3 +192,31 @@ def test_arrays_of_other_types_and_lengths_are_refused(name: str) -> None:
     for wrong in (whole[:-1], whole[None], whole.astype(str), whole[:0]):
         with pytest.raises(ValueError, match="forest"):
             Forest.from_arrays(stump() | {f"f/{name}": wrong}, "f")
+
+
+class TurnsWarningsRound:
+    """Leaves the filters of warnings as threads of scikit-learn may leave them."""
+
+    def __init__(self, model: Any) -> None:
+        self.model = model
+
+    def fit(self, rows: np.ndarray, outcome: np.ndarray) -> None:
+        warnings.resetwarnings()
+        warnings.simplefilter("error")
+        warnings.resetwarnings()
+        warnings.warn("`delayed` should be used with `Parallel`", UserWarning, stacklevel=1)
+        self.model.fit(rows, outcome)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.model, name)
+
+
+def test_growing_leaves_the_filters_of_warnings_as_they_were() -> None:
+    rng = np.random.default_rng(0)
+    rows, outcome = rng.normal(size=(40, 3)), rng.random(40) < 0.5
+    model = ExtraTreesClassifier(4, random_state=0)
+    before = list(warnings.filters)
+    forest = grow_forest(TurnsWarningsRound(model), rows, outcome)
+    assert list(warnings.filters) == before
+    expected = model.predict_proba(rows.astype(np.float32))[:, 1]
+    np.testing.assert_allclose(forest.mean(rows), expected, atol=1e-6)

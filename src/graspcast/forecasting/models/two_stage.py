@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.forecasting.models.forest import WALK_NS, Forest, flatten, walk, walk_together
+from graspcast.forecasting.models.forest import WALK_NS, Forest, grow_forest, walk, walk_together
 from graspcast.io.compiling import cached_njit
 from graspcast.pose.parallel import over_rows
 from graspcast.pose.ray_frame import compressed
@@ -70,8 +70,8 @@ class ErrorModel:
 
         model = ExtraTreesRegressor(
             trees, min_samples_leaf=2, max_features=0.5, random_state=seed, n_jobs=-1
-        ).fit(features.astype(np.float32), compressed(truth))
-        forest = flatten(model)
+        )
+        forest = grow_forest(model, features, compressed(truth))
         leaves = forest.leaves(features)
         counts = leaves.max(axis=0) + 1
         offset = np.cumsum(counts) - counts
@@ -172,8 +172,8 @@ class SuccessGivenError:
         rows = np.concatenate([_error_inputs(obj_T_est), codes[numbers]], axis=1)
         model = ExtraTreesClassifier(
             trees, min_samples_leaf=1, max_features=0.7, random_state=seed, n_jobs=-1
-        ).fit(rows.astype(np.float32), success)
-        return cls(flatten(model), codes)
+        )
+        return cls(grow_forest(model, rows, success), codes)
 
     def probability(
         self, obj_T_est: Float[ndarray, "n 4 4"], numbers: Int[ndarray, " n"]
