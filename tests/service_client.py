@@ -84,7 +84,8 @@ class Process:
     def log(self) -> list[dict[str, Any]]:
         """Return the lines of its log."""
         whole = self._log.read_text().rpartition("\n")[0]  # the last one may be half written
-        return [json.loads(line) for line in whole.splitlines()]
+        # On a busy machine it says before how long it takes to start.
+        return [json.loads(line) for line in whole.splitlines() if not line.startswith("serve: ")]
 
 
 def read_all(connection: socket.socket) -> bytes:
@@ -107,8 +108,12 @@ def running(command: Sequence[str], folder: Path, **environment: str) -> Iterato
     try:
         yield Process(process, log, _url(process, log))
     finally:
-        process.kill()
-        process.wait()
+        process.terminate()  # what is killed cannot say which lines it ran
+        try:
+            process.wait(timeout=10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 def _url(process: subprocess.Popen[bytes], log: Path) -> str:

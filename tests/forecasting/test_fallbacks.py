@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import pytest
 import one_estimator
 import synthetic
 from graspcast.errors import InputError, MismatchError
+from graspcast.estimates.alignment import Estimates
 from graspcast.forecasting.fallbacks import Fallbacks
 from graspcast.forecasting.forecaster import Forecaster
 from graspcast.forecasting.models.blend import ForestSettings
@@ -137,3 +139,28 @@ def test_the_principal_alone_stands_in_if_it_was_trained(
     assert "one estimator" not in together.reason
     with pytest.raises(InputError, match="two models are for a with no supporter"):
         Fallbacks([single, single])
+
+
+@pytest.mark.ill_typed
+def test_a_model_of_which_no_instance_has_all_poses_is_passed_over_and_noted(
+    forecasters: dict[str, Forecaster],
+) -> None:
+    class Given:
+        """Inputs in which no instance has poses by all four."""
+
+        estimators, models = NAMES, None
+
+        def __init__(self) -> None:
+            self.notes: list[str] = []
+
+        def estimates(self, principal: str, *, only: tuple[str, ...]) -> Estimates:
+            if len(only) == 4:
+                raise MismatchError("no instance has poses by all of a, b, c, e")
+            return synthetic.estimates(8, seed=4, names=only)
+
+    given: Any = Given()
+    rows = Fallbacks(forecasters.values()).verdict_rows(given, threshold=0.2)
+    assert given.notes == ["no instance has poses by all of a, b, c, e"]
+    assert len(rows) == 8 and all("; with b, c" in row.verdict.reason for row in rows)
+    with pytest.raises(MismatchError, match="no instance has poses by all of a, b, c, e"):
+        Fallbacks([forecasters["abce"]]).verdict_rows(Given(), threshold=0.2)  # type: ignore[arg-type]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import sys
+from types import SimpleNamespace
+
 import pytest
 
-from graspcast.errors import InputError
-from graspcast.rendering.opengl_context import backend, disabled
+from graspcast.errors import ExtraMissingError, InputError
+from graspcast.rendering.opengl_context import backend, disabled, open_context
 
 
 @pytest.mark.parametrize(
@@ -38,3 +41,30 @@ def test_opengl_can_be_disabled_and_unknown_backends_are_refused(
     monkeypatch.setenv("MUJOCO_GL", "vulkan")
     with pytest.raises(InputError, match=r"'vulkan', which is not a backend.*egl, osmesa, glfw"):
         backend()
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "kind", "says"),
+    [
+        ("egl", OSError("no EGL"), InputError, r"by EGL does not work here .*MUJOCO_GL=osmesa"),
+        ("osmesa", OSError("no Mesa"), InputError, r"by OSMESA does not work .*MUJOCO_GL=egl"),
+        (
+            "egl",
+            ModuleNotFoundError("No module named 'OpenGL'", name="OpenGL.EGL"),
+            ExtraMissingError,
+            r"pyopengl, which is not installed: pip install 'graspcast\[render\]'",
+        ),
+        ("glfw", ModuleNotFoundError("No module", name="glfw"), ExtraMissingError, "needs glfw"),
+    ],
+)
+def test_a_context_that_cannot_be_opened_says_what_to_install(
+    name: str, error: Exception, kind: type[Exception], says: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(width: int, height: int) -> None:
+        raise error
+
+    monkeypatch.setattr("platform.system", lambda: "Linux")
+    monkeypatch.setenv("MUJOCO_GL", name)
+    monkeypatch.setitem(sys.modules, f"mujoco.{name}", SimpleNamespace(GLContext=refuse))
+    with pytest.raises(kind, match=says):
+        open_context(16, 16)

@@ -290,7 +290,7 @@ def _compiled_areas_and_risks() -> Callable[..., tuple[ndarray, ndarray]]:
     return compiled
 
 
-def _areas_and_risks(
+def _areas_and_risks(  # pragma: no cover - compiled by Numba
     counts: Int[ndarray, "draws scenes"],
     scene: Int[ndarray, " n"],
     failed: Bool[ndarray, " n"],

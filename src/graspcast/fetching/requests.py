@@ -21,7 +21,6 @@ __all__ = ["Answer", "TryAgainError", "client", "get"]
 
 _REDIRECTS = (301, 302, 303, 307, 308)
 _LENGTH = re.compile(r"[0-9]{1,18}")
-_RANGE = re.compile(r"bytes ([0-9]{1,18})-[0-9]{1,18}/([0-9]{1,18}|\*)")
 _DIGEST = re.compile(r'"?([0-9a-fA-F]{64})"?')
 
 

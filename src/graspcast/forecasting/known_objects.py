@@ -6,7 +6,7 @@ many of these, spread as they are, which changes ADD by a few parts in ten thous
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -95,16 +95,6 @@ class KnownObjects:
                 points[obj_id] = np.empty((0, 3))
         every = {dataset: KnownModels(*parts) for dataset, parts in kept.items()}
         return cls(every, poses)
-
-    def without_points(self, objects: Iterable[str]) -> list[str]:
-        """Return which of some objects have no size or no points."""
-        out = []
-        for name in objects:
-            dataset, obj_id = split_object_name(name)
-            models = self.models.get(dataset)
-            if models is None or obj_id not in models.info or obj_id not in models._meshes:
-                out.append(name)
-        return out
 
     def to_arrays(self) -> dict[str, ndarray]:
         """Return arrays, for :meth:`from_arrays`."""

@@ -11,7 +11,6 @@ __all__ = ["Axes", "axes", "keys_below"]
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52.0, 14.0, 12.0, 46.0
 _ROW = 20.0
-_LETTER = 7.0
 
 
 @dataclass(frozen=True)

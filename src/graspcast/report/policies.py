@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import polars as pl
-
 from graspcast.errors import MismatchError
 from graspcast.evaluation.look_scores import LookScores, PolicyScore, Stage, score_looks
-from graspcast.evaluation.verdict_scores import VerdictScores, attempt_scores
+from graspcast.evaluation.verdict_scores import attempt_scores
 from graspcast.io.wording import counted
 from graspcast.report.content import Cell, Section, Table
 from graspcast.report.decisions import Decisions
@@ -82,12 +80,6 @@ def summarise_run(decisions: Decisions) -> Summary:
         mean = float(last["looks"].mean())  # type: ignore[arg-type]
         numbers.append(("looks, on average", f"{mean:.2f}", f"of up to {decisions.most_looks}"))
     return Summary(lead, tuple(numbers))
-
-
-def _scores(table: pl.DataFrame) -> VerdictScores | None:
-    """Return the scores of the verdicts with an outcome, as ``score`` gives them."""
-    known = table.drop_nulls("success")
-    return attempt_scores(known, draws=DRAWS) if len(known) else None
 
 
 def policies_section(decisions: Decisions) -> Section:

@@ -69,12 +69,6 @@ class Trials:
         told = {str(s.get("protocol", "paper")) for s in setups if isinstance(s, Mapping)}
         return ", ".join(sorted(told))
 
-    def outcome_counts(self) -> dict[str, int]:
-        """Count the reasons: held, missed, dropped and so on, the most frequent first."""
-        counts = self.table["outcome"].drop_nulls().value_counts()
-        ordered = counts.sort(["count", "outcome"], descending=[True, False])
-        return dict(ordered.iter_rows())
-
 
 def read_trials(path: Path) -> Trials:
     """Read trials from a campaign's directory, or from a table of outcomes.

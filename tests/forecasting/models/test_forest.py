@@ -17,7 +17,7 @@ from sklearn.ensemble import (
     RandomForestRegressor,
 )
 
-from graspcast.forecasting.models.forest import Forest, flatten, grow
+from graspcast.forecasting.models.forest import Forest, flatten, grow_forest
 
 KINDS = [
     ExtraTreesClassifier,
@@ -194,17 +194,29 @@ def test_arrays_of_other_types_and_lengths_are_refused(name: str) -> None:
             Forest.from_arrays(stump() | {f"f/{name}": wrong}, "f")
 
 
+class TurnsWarningsRound:
+    """Leaves the filters of warnings as threads of scikit-learn may leave them."""
+
+    def __init__(self, model: Any) -> None:
+        self.model = model
+
+    def fit(self, rows: np.ndarray, outcome: np.ndarray) -> None:
+        warnings.resetwarnings()
+        warnings.simplefilter("error")
+        warnings.resetwarnings()
+        warnings.warn("`delayed` should be used with `Parallel`", UserWarning, stacklevel=1)
+        self.model.fit(rows, outcome)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.model, name)
+
+
 def test_growing_leaves_the_filters_of_warnings_as_they_were() -> None:
-    """Threads of scikit-learn may have the filters of one another back in the wrong order."""
-
-    class Racing(ExtraTreesClassifier):
-        def fit(self, *arguments: Any, **more: Any) -> Racing:
-            super().fit(*arguments, **more)
-            warnings.resetwarnings()
-            return self
-
+    rng = np.random.default_rng(0)
+    rows, outcome = rng.normal(size=(40, 3)), rng.random(40) < 0.5
+    model = ExtraTreesClassifier(4, random_state=0)
     before = list(warnings.filters)
-    rows = table(0)
-    forest = grow(Racing(4, n_jobs=2), rows, rows[:, 0] > 0)
-    assert forest.trees == 4
+    forest = grow_forest(TurnsWarningsRound(model), rows, outcome)
     assert list(warnings.filters) == before
+    expected = model.predict_proba(rows.astype(np.float32))[:, 1]
+    np.testing.assert_allclose(forest.mean(rows), expected, atol=1e-6)

@@ -20,7 +20,7 @@ from graspcast.io.cached import cached_property
 from graspcast.io.compiling import cached_njit
 from graspcast.pose.parallel import over_rows
 
-__all__ = ["WALK_NS", "Forest", "flatten", "grow", "walk"]
+__all__ = ["WALK_NS", "Forest", "flatten", "grow_forest", "walk"]
 
 WALK_NS = 60.0
 """About how many nanoseconds a row takes through a tree."""
@@ -130,14 +130,23 @@ class Forest:
             raise ValueError(f"a forest needs {self.columns} columns, not {rows.shape[1]}")
 
 
-def grow(model: Any, rows: Float[ndarray, "n d"], targets: ndarray) -> Forest:
-    """Fit a scikit-learn forest, and convert it to arrays.
+def grow_forest(model: Any, rows: Float[ndarray, "n d"], outcome: ndarray) -> Forest:
+    """Grow a forest of scikit-learn, and return its trees.
 
-    Its threads change the filters of warnings, which are the whole process's, and may leave others
-    behind; by those, the next forest would warn once a tree. They are set back.
+    scikit-learn sets the filters of warnings in each of its threads. Before Python 3.14 these are
+    the whole process's, so that threads empty each other's, which scikit-learn then warns about,
+    and leave others than there were. Here they are put back, and that warning is not shown.
+
+    Parameters
+    ----------
+    model
+        A forest that is not fitted.
+    rows, outcome
+        What it is fitted to.
     """
-    with warnings.catch_warnings():
-        model.fit(rows.astype(np.float32), targets)
+    with warnings.catch_warnings(record=True):
+        warnings.simplefilter("ignore")
+        model.fit(rows.astype(np.float32), outcome)
     return flatten(model)
 
 

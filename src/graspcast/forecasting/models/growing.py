@@ -20,7 +20,7 @@ from graspcast.estimates.instances import unit_names
 from graspcast.forecasting.models.blend import Blend, ForestSettings
 from graspcast.forecasting.models.calibration import calibrated, fit_calibration
 from graspcast.forecasting.models.design_matrix import DesignMatrix
-from graspcast.forecasting.models.forest import Forest, grow
+from graspcast.forecasting.models.forest import Forest, grow_forest
 from graspcast.forecasting.models.held_out_choice import choose_held_out
 from graspcast.forecasting.models.out_of_fold import OutOfFold
 from graspcast.forecasting.models.targets import Targets
@@ -346,7 +346,7 @@ def _grow_direct(
         random_state=settings.seed,
         n_jobs=-1,
     )
-    return grow(model, inputs, outcome)
+    return grow_forest(model, inputs, outcome)
 
 
 def _trials(

@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from graspcast.forecasting.models.forest import WALK_NS, Forest, grow, walk, walk_together
+from graspcast.forecasting.models.forest import WALK_NS, Forest, grow_forest, walk, walk_together
 from graspcast.io.compiling import cached_njit
 from graspcast.pose.parallel import over_rows
 from graspcast.pose.ray_frame import compressed
@@ -71,7 +71,7 @@ class ErrorModel:
         model = ExtraTreesRegressor(
             trees, min_samples_leaf=2, max_features=0.5, random_state=seed, n_jobs=-1
         )
-        forest = grow(model, features, compressed(truth))
+        forest = grow_forest(model, features, compressed(truth))
         leaves = forest.leaves(features)
         counts = leaves.max(axis=0) + 1
         offset = np.cumsum(counts) - counts
@@ -173,7 +173,7 @@ class SuccessGivenError:
         model = ExtraTreesClassifier(
             trees, min_samples_leaf=1, max_features=0.7, random_state=seed, n_jobs=-1
         )
-        return cls(grow(model, rows, success), codes)
+        return cls(grow_forest(model, rows, success), codes)
 
     def probability(
         self, obj_T_est: Float[ndarray, "n 4 4"], numbers: Int[ndarray, " n"]

@@ -24,7 +24,7 @@ from graspcast.errors import InputError, MismatchError
 from graspcast.forecasting.features import Features
 from graspcast.forecasting.models.calibration import calibrated, fit_calibration
 from graspcast.forecasting.models.encoding import one_hot_numbers
-from graspcast.forecasting.models.forest import Forest, grow
+from graspcast.forecasting.models.forest import Forest, grow_forest
 from graspcast.forecasting.models.held_out_choice import choice_from, choose_held_out
 from graspcast.forecasting.models.out_of_fold import OutOfFold
 from graspcast.forecasting.models.visibility_settings import VisibilitySettings
@@ -355,8 +355,8 @@ def _grow(
         random_state=settings.seed,
         n_jobs=-1,
     )
+    forest = grow_forest(model, inputs, success[usable] == 1)
     tried = np.bincount(numbers[usable], minlength=objects) > 0
-    forest = grow(model, inputs, success[usable] == 1)
     return _Part(forest, tried, np.array([1.0, 0.0]))
 
 
