@@ -279,11 +279,12 @@ def run_all(found: list[Block], demo: Path, scratch: Path) -> list[str]:
 
     paths = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     mine = {"PATH": paths, "DATA": str(demo_dataset().root), "PORT": _free_port()}
+    furnished = scratch / "furnished"
+    furnished.mkdir()
+    furnish(furnished, demo)
 
     def of_page(page: Path) -> list[str]:
-        here = scratch / page.stem
-        here.mkdir()
-        furnish(here, demo)
+        here = shutil.copytree(furnished, scratch / page.stem)
         those = [block for block in found if block.page == page]
         with ExitStack() as until:
             return _run_page(those, here, {**os.environ, **mine}, until)
