@@ -43,7 +43,9 @@ from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).parents[1]
 _BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
-_MARK = re.compile(r"<!--\s*(run beside|run by|run|not run|file)(?:: (.*?))?\s*-->", re.S)
+_MARK = re.compile(
+    r"<!--\s*(run beside|run by|run|not run|file)(?:: ((?:(?!-->).)*?))?\s*-->", re.S
+)
 _CHECKED = ("sh", "python")
 _COMMAND = re.compile(
     r"^(graspcast [a-z]|pip install|python -m graspcast|(import|from) graspcast)", re.M
@@ -51,6 +53,7 @@ _COMMAND = re.compile(
 GOES_ON = "goes on"
 # The port that pages name, and where servers listen instead when their blocks are run.
 _PORT = "8000"
+_PATIENCE_S = 600
 
 _NAMES = {"dense": ("gdrnpp", "mine"), "direct": ("epos", "theirs"), "keypoints": ("zebrapose",)}
 _TABLES = range(21, 26)
@@ -177,9 +180,12 @@ def _command(block: Block, before: str) -> list[str]:
 def run(block: Block, here: Path, environment: Mapping[str, str], before: str = "") -> str | None:
     """Run a block in a directory; return what it printed if it failed."""
     command = _command(block, before)
-    done = subprocess.run(
-        command, cwd=here, env=environment, capture_output=True, text=True, timeout=600
-    )
+    try:
+        done = subprocess.run(
+            command, cwd=here, env=environment, capture_output=True, text=True, timeout=_PATIENCE_S
+        )
+    except subprocess.TimeoutExpired:
+        return f"took more than {_PATIENCE_S} s"
     return None if done.returncode == 0 else f"{done.stdout}{done.stderr}"[-2000:]
 
 
@@ -273,11 +279,12 @@ def run_all(found: list[Block], demo: Path, scratch: Path) -> list[str]:
 
     paths = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     mine = {"PATH": paths, "DATA": str(demo_dataset().root), "PORT": _free_port()}
+    furnished = scratch / "furnished"
+    furnished.mkdir()
+    furnish(furnished, demo)
 
     def of_page(page: Path) -> list[str]:
-        here = scratch / page.stem
-        here.mkdir()
-        furnish(here, demo)
+        here = shutil.copytree(furnished, scratch / page.stem)
         those = [block for block in found if block.page == page]
         with ExitStack() as until:
             return _run_page(those, here, {**os.environ, **mine}, until)

@@ -14,8 +14,11 @@ def python_of(home: Path) -> Path:
 
 
 def program(name: str) -> str:
-    """Return the path of a program of the extra ``dev``; without it, end with a message."""
-    found = shutil.which(name)
+    """Return the path of a program of the extra ``dev``; without it, end with a message.
+
+    It is looked for beside Python first, so that no environment has to be activated.
+    """
+    found = shutil.which(name, path=str(Path(sys.executable).parent)) or shutil.which(name)
     if found is None:
         sys.exit(f"{name} is not installed: pip install -e '.[dev]'")
     return found

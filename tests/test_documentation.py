@@ -71,6 +71,12 @@ def test_what_is_right_is_not_complained_of(blocks: ModuleType, text: str) -> No
     assert said(blocks, text) == []
 
 
+def test_the_nearest_mark_counts(blocks: ModuleType) -> None:
+    text = "<!-- run by: .ci/run -->\n<!-- not run: lists files -->\n```sh\nls\n```\n"
+    (block,) = blocks.blocks(ROOT / "README.md", text)
+    assert (block.mark, block.why) == ("not run", "lists files")
+
+
 def test_what_a_program_prints_is_no_block(blocks: ModuleType) -> None:
     assert list(blocks.blocks(ROOT / "README.md", "```\ngo: 0.9\n```\n")) == []
 

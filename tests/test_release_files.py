@@ -87,6 +87,13 @@ def test_the_tests_of_dependency_bounds_exist() -> None:
         assert (ROOT / "tests" / name).exists(), name
 
 
+def test_programs_are_found_beside_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    assert Path(script("environments").program("pytest")).parent == Path(sys.executable).parent
+    with pytest.raises(SystemExit, match="nothing-like-it is not installed"):
+        script("environments").program("nothing-like-it")
+
+
 def test_the_oldest_mujoco_is_the_declared_one() -> None:
     from graspcast.simulation.mujoco_version import OLDEST
 

@@ -44,6 +44,16 @@ def test_two_tables_that_share_trials(tmp_path: Path) -> None:
     assert codes(tmp_path / "2", {"a.csv": first, "b.csv": other}) == ["outcomes-contradict"]
 
 
+def test_trials_of_two_poses_by_one_name_do_not_contradict(tmp_path: Path) -> None:
+    zero = {name: pl.lit(0.0) for name in ERROR_COLUMNS}
+    first = table(range(20)).with_columns(**zero)
+    moved = table(range(10, 24), success=0).with_columns(**{**zero, "error_z_m": pl.lit(0.01)})
+    one, other = tmp_path / "1", tmp_path / "2"
+    assert codes(one, {"a.csv": first, "b.csv": moved}) == ["outcomes-other-poses"]
+    same = table(range(10, 24), success=0).with_columns(**zero)
+    assert codes(other, {"a.csv": first, "b.csv": same}) == ["outcomes-contradict"]
+
+
 def test_constant_and_unmatched_outcomes(tmp_path: Path) -> None:
     assert codes(tmp_path / "1", {"a.csv": table(range(24), 1)}) == ["outcomes-constant"]
     assert codes(tmp_path / "2", {"a.csv": table(range(100, 110))}) == ["outcomes-unmatched"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from graspcast.io.wording import counted
 __all__ = ["outcome_findings", "shared_scenes"]
 
 _LEAST = 20
+_SAME_POSE = 1e-6  # metres or radians
 _LARGEST_ERROR_M, _LARGEST_ERROR_RAD = 2.0, 4.0
 
 
@@ -31,12 +32,35 @@ def outcome_findings(case: Case, tables: Mapping[Path, pl.DataFrame]) -> Iterato
         yield from _two(one, first, other, second)
 
 
-def _keyed(table: pl.DataFrame) -> pl.DataFrame:
-    return table.select(*TRIAL_COLUMNS, "success").with_columns(pl.col("est_id").fill_null(0))
+def _keyed(table: pl.DataFrame, more: Sequence[str]) -> pl.DataFrame:
+    return table.select(*TRIAL_COLUMNS, "success", *more).with_columns(
+        pl.col("est_id").fill_null(0)
+    )
+
+
+def _shared(first: pl.DataFrame, second: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Return the trials that both tables have, and those whose poses are others there."""
+    stated = set(ERROR_COLUMNS) <= set(first.columns) & set(second.columns)
+    more = ERROR_COLUMNS if stated else ()
+    both = _keyed(first, more).join(_keyed(second, more), on=list(TRIAL_COLUMNS), how="inner")
+    apart = [(pl.col(name) - pl.col(f"{name}_right")).abs() > _SAME_POSE for name in more]
+    other = pl.any_horizontal(*apart, pl.lit(False)).fill_null(False)
+    return both.filter(~other), both.filter(other)
 
 
 def _two(one: Path, first: pl.DataFrame, other: Path, second: pl.DataFrame) -> Iterator[Finding]:
-    both = _keyed(first).join(_keyed(second), on=list(TRIAL_COLUMNS), how="inner")
+    both, others = _shared(first, second)
+    if len(others):
+        yield Finding(
+            "warning",
+            "outcomes-other-poses",
+            str(other),
+            f"{counted(len(others), 'trial')} of {len(second)} are in {one} too, guided by other "
+            f"poses: {_trial(others)}",
+            "Give estimators different names, or one of the two tables: trials that come twice "
+            "are refused",
+            {"other_poses": len(others), "with": str(one)},
+        )
     if not len(both):
         return
     wrong = both.filter(pl.col("success") != pl.col("success_right"))
