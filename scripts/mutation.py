@@ -36,6 +36,7 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from multiprocessing import connection
 from pathlib import Path
 from py_compile import PycInvalidationMode
@@ -57,14 +58,26 @@ FACTOR = 6.0
 
 
 def main() -> int:
-    options = _parser().parse_args()
+    parser = _parser()
+    options = parser.parse_args()
+    for name in options.packages:
+        if not files_of(options.root, name):
+            parser.error(f"there is no package or module {name!r} in {options.root}/src/graspcast")
+    if options.processes < 1:
+        parser.error("at least one process is needed")
+    if find_spec("cosmic_ray") is None:
+        parser.error("Cosmic Ray is not installed: pip install -e '.[dev,mutation]'")
     os.environ.update({**ALONE, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"})
     wanted = _wanted(options)
     results = Results(options.results)
     todo = [m for m in wanted if results.leave_open(m, options.again, options.own)]
     print(f"{len(wanted)} mutants, {len(wanted) - len(todo)} of them with a result", flush=True)
     if todo:
-        with tempfile.TemporaryDirectory(prefix="mutation-") as scratch:
+        # By Ctrl-C the run is stopped, and what is known is printed.
+        with (
+            tempfile.TemporaryDirectory(prefix="mutation-") as scratch,
+            suppress(KeyboardInterrupt),
+        ):
             Run(Path(scratch), options, results).work(todo)
     print_report(wanted, results, sampled=options.sample is not None)
     return 0
@@ -96,6 +109,7 @@ def _wanted(options: argparse.Namespace) -> list[Mutant]:
         if options.sample is not None:
             mutants = draw.sample(mutants, min(options.sample, len(mutants)))
         wanted += mutants
+    wanted = list({mutant.key: mutant for mutant in wanted}.values())
     draw.shuffle(wanted)
     return wanted
 
@@ -103,9 +117,16 @@ def _wanted(options: argparse.Namespace) -> list[Mutant]:
 def all_mutants(root: Path, name: str) -> list[Mutant]:
     """Return every mutant of a package or a module, such as ``pose`` or ``pose/metrics``."""
     source = root / "src" / "graspcast"
-    path = source / name
-    files = sorted(path.rglob("*.py")) if path.is_dir() else [path.with_suffix(".py")]
+    files = files_of(root, name)
     return [m for file in files for m in mutants_of(file, file.relative_to(source).as_posix())]
+
+
+def files_of(root: Path, name: str) -> list[Path]:
+    """Return the files of a package or a module; none if there is none."""
+    path = root / "src" / "graspcast" / name
+    if path.is_dir():
+        return sorted(path.rglob("*.py"))
+    return [path.with_suffix(".py")] if path.with_suffix(".py").is_file() else []
 
 
 class Results:
@@ -115,8 +136,13 @@ class Results:
         self.path = path
         self.of: dict[str, dict[str, Any]] = {}
         if path.exists():
-            lines = path.read_text(encoding="utf-8").splitlines()
-            self.of = {result["key"]: result for result in map(json.loads, lines)}
+            text = path.read_text(encoding="utf-8")
+            if text and not text.endswith("\n"):
+                path.write_text(f"{text}\n", encoding="utf-8")
+            for line in text.splitlines():
+                with suppress(json.JSONDecodeError):  # the end of a run that was killed
+                    result = json.loads(line)
+                    self.of[result["key"]] = result
 
     def leave_open(self, mutant: Mutant, again: bool, own: bool) -> bool:
         """Whether the mutant is still to be run."""
@@ -209,6 +235,14 @@ class Run:
         places = [Place(self.original.with_name(f"{i}")) for i in range(self.options.processes)]
         for place in places:
             shutil.copytree(self.original, place.tree)
+        try:
+            self._deal_out(todo, places, seconds)
+        finally:
+            for place in places:
+                if place.process is not None:
+                    _kill(place.process)
+
+    def _deal_out(self, todo: list[Mutant], places: list[Place], seconds: dict[str, float]) -> None:
         began, done = time.monotonic(), 0
         limit = 60 * (self.options.minutes or float("inf"))
         waiting = todo[::-1]

@@ -110,8 +110,8 @@ def test_survivors_are_shown_and_die_by_new_tests(toy: Path) -> None:
     """What loops for ever is stopped; a second run asks for nothing that is known."""
 
     def run(*more: str) -> str:
-        command = [sys.executable, str(SCRIPTS / "mutation.py"), "toy", f"--root={toy}"]
-        command += ["--processes=2", "--patience=15", f"--results={toy / 'results.jsonl'}", *more]
+        command = [sys.executable, str(SCRIPTS / "mutation.py"), "toy", *more, f"--root={toy}"]
+        command += ["--processes=2", "--patience=15", f"--results={toy / 'results.jsonl'}"]
         environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
         done = subprocess.run(command, capture_output=True, text=True, env=environment)
         assert done.returncode == 0, done.stdout + done.stderr
@@ -127,13 +127,30 @@ def test_survivors_are_shown_and_die_by_new_tests(toy: Path) -> None:
     assert endless == "timed out"
     (killed,) = (o for d, o in by_diff.items() if "+    return sum(v < limit" in d)
     assert killed == "killed"
-    again = run()
+    with (toy / "results.jsonl").open("a") as file:
+        file.write('{"key": "a run that was killed')
+    again = run("toy/sums")
     assert "25 mutants, 25 of them with a result" in again
     assert again.splitlines()[-1] == first.splitlines()[-1]
     with (toy / "tests" / "toy" / "test_sums.py").open("a") as file:
         file.write(MORE)
     assert "if limit <= 0:" not in run("--again", "--sample=25")
+    assert "if limit <= 0:" not in run()
     assert (toy / "src" / "graspcast" / "toy" / "sums.py").read_text() == MODULE
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["toys"], "there is no package or module 'toys'"),
+        (["toy/sum"], "there is no package or module 'toy/sum'"),
+        (["toy", "--processes=0"], "at least one process"),
+    ],
+)
+def test_what_is_not_there_is_named(toy: Path, arguments: list[str], says: str) -> None:
+    command = [sys.executable, str(SCRIPTS / "mutation.py"), f"--root={toy}", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 2 and says in done.stderr
 
 
 @pytest.mark.slow
