@@ -64,7 +64,7 @@ def written(folder: Path, suffix: str) -> Path:
         _WRITTEN[suffix] = {p.relative_to(folder).as_posix(): p.read_bytes() for p in files}
         return made
     for name, content in _WRITTEN[suffix].items():
-        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
     return folder / next(iter(_WRITTEN[suffix])).partition("/")[0]
 
