@@ -256,6 +256,7 @@ def test_an_output_that_is_a_file_is_refused(
     assert (tmp_path / "out").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_what_is_built_in_and_names_of_no_mesh_are_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -61,6 +61,7 @@ def test_a_dataset_given_twice(world: Path, capsys: pytest.CaptureFixture[str]) 
     assert "there is already a dataset made" in said
 
 
+@pytest.mark.slow
 def test_only_some_scenes(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(train(world, "--folds", "0", "--scenes", "0-2", "4")) == 0
     assert "1 object, 40 samples" in capsys.readouterr().out

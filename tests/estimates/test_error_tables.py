@@ -128,6 +128,7 @@ def test_the_summary_is_a_mean_over_objects() -> None:
     assert "mssd_mm_mean" not in table.columns
 
 
+@pytest.mark.slow
 def test_the_table_is_that_of_the_released_metrics(data: Published) -> None:
     assert data.release is not None
     (path,) = (data.release / "BOP-Metrics" / "ZebraPose" / "LMO").rglob("*.txt")

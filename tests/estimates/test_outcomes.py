@@ -150,6 +150,7 @@ def test_any_bytes_are_read_or_refused(content: bytes, tmp_path: Path) -> None:
         assert frame.drop("est_id").null_count().sum_horizontal().sum() == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["lmo", "ycbv"])
 def test_the_published_files_agree(published: Path, name: str) -> None:
     from_csv = read_outcomes(published / name / "trials.csv")

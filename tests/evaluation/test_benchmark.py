@@ -16,6 +16,7 @@ from graspcast.evaluation.scores import score
 from graspcast.paper.dataset import ESTIMATORS, GRIPPERS, Published
 
 
+@pytest.mark.slow
 def test_an_instance_without_ground_truth_is_named(data: Published) -> None:
     benchmark = Benchmark.of(data)
     elsewhere = synthetic.with_keys(benchmark.estimates, im_id=benchmark.estimates.im_id + 100_000)

@@ -109,6 +109,7 @@ def test_more_views_of_one_estimator_rank_grasps_that_one_view_of_two_do_not(
     assert auroc(("a",), 3) > 0.7
 
 
+@pytest.mark.slow
 def test_instances_with_fewer_views_are_left_out_and_counted(
     given: Training, single: PrincipalForecasts
 ) -> None:
@@ -163,6 +164,7 @@ def test_one_view_and_too_many_are_refused(given: Training, single: PrincipalFor
         view_forecasts(given.data, views, single, models=given.models, **FAST)
 
 
+@pytest.mark.slow
 def test_a_dataset_without_camera_poses_is_left_out(given: Training) -> None:
     """Scenes 7 to 12 are another dataset, of whose camera nothing is known."""
     estimates = given.data.estimates

@@ -136,6 +136,7 @@ def test_the_order_of_grasps_makes_no_difference(given: Given) -> None:
         assert_allclose([e.probability for e in one], [e.probability for e in two], atol=0.15)
 
 
+@pytest.mark.slow
 def test_novelty_and_the_error_model_do_not_depend_on_grasps(given: Given) -> None:
     one = given.fitted(given.data.of_grasp())
     several = given.forecaster

@@ -88,6 +88,7 @@ def test_it_needs_the_principal_alone_and_says_from_whom_it_learned(
     assert loaded.card == forecaster.card and loaded.card.digest == forecaster.card.digest
 
 
+@pytest.mark.slow
 def test_one_view_is_forecast_by_own_outcomes_alone(
     given: Training, forecaster: Forecaster
 ) -> None:

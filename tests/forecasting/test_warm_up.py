@@ -62,6 +62,7 @@ def test_the_first_verdict_compiles_imports_and_reads_nothing(folder: Path) -> N
     assert run.returncode == 0, run.stderr
 
 
+@pytest.mark.slow
 def test_forecasts_do_not_depend_on_it(folder: Path) -> None:
     models = {"d": Models(folder / "models")}
     warm, cold = (Forecaster.load(folder / "model.npz") for _ in range(2))

@@ -107,6 +107,7 @@ def test_scenes_that_fail_as_a_whole_are_one_observation() -> None:
     assert alarms(scenes) > 2 * ALLOWED
 
 
+@pytest.mark.slow
 def test_a_lower_rate_is_detected() -> None:
     rng = np.random.default_rng(0)
     for before, after, within in ((0, 0.7, 150), (0, 0.5, 50), (400, 0.6, 150)):

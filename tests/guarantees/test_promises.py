@@ -58,6 +58,7 @@ def test_what_is_promised_in_the_end_holds(world: World, learn: bool) -> None:
     assert false / runs <= margin(runs)
 
 
+@pytest.mark.slow
 def test_the_most_dangerous_sequence_stays_within_the_error() -> None:
     # Two starts just below the rate that is asked for, and one just above: the asked rate, or
     # failing that a lower one, is false as rarely as allowed.

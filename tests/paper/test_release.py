@@ -64,6 +64,7 @@ def test_ground_truth_equals_the_published_but_for_what_no_estimator_found(
     assert {i.dataset: i.unseen for i in imported[1]}[name] == len(absent)
 
 
+@pytest.mark.slow
 def test_camera_motion_is_that_of_the_annotation_where_scenes_are_static(
     imported: tuple[Path, list[Imported]], published: Path
 ) -> None:

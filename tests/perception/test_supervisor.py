@@ -79,6 +79,7 @@ def test_a_killed_parent_takes_command_and_children_along(tmp_path: Path, deaf: 
     assert all(map(ends, pids))
 
 
+@pytest.mark.slow
 def test_a_killed_supervisor_takes_the_command_along(tmp_path: Path) -> None:
     process, pids = started(tmp_path, False)
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
@@ -91,6 +92,7 @@ def test_a_killed_supervisor_takes_the_command_along(tmp_path: Path) -> None:
     assert all(map(ends, pids))
 
 
+@pytest.mark.slow
 def test_what_is_ignored_here_is_not_ignored_by_the_command() -> None:
     program = """
 import sys

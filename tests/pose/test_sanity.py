@@ -95,6 +95,7 @@ def test_placeholders_whatever_the_rotation() -> None:
     assert not is_placeholder(poses[[0, 2, 4]].swapaxes(1, 2)).any()
 
 
+@pytest.mark.slow
 def test_nearly_all_published_estimates_are_sane(data_dir: Path) -> None:
     odd = 0
     for dataset in ("lmo", "ycbv"):

@@ -25,6 +25,7 @@ def test_all_that_is_there_is_read(tmp_path: Path) -> None:
     assert list(found.tolerances.values()) == [CONTENT]
 
 
+@pytest.mark.slow
 def test_damaged_files_are_said_not_passed_over(tmp_path: Path) -> None:
     directory = write_run(tmp_path / "run")
     outcomes(verdicts(1, looks=1)).write_parquet(tmp_path / "whole.parquet")

@@ -17,6 +17,7 @@ from graspcast.report.write import write_report
 from small_run import outcomes, verdicts
 
 
+@pytest.mark.slow
 def test_the_same_files_give_the_same_bytes(tmp_path: Path, run_dir: Path) -> None:
     files = find_run(run_dir)
     said: list[tuple[float, str]] = []

@@ -64,7 +64,7 @@ def written(folder: Path, suffix: str) -> Path:
         _WRITTEN[suffix] = {p.relative_to(folder).as_posix(): p.read_bytes() for p in files}
         return made
     for name, content in _WRITTEN[suffix].items():
-        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
     return folder / next(iter(_WRITTEN[suffix])).partition("/")[0]
 
@@ -220,6 +220,7 @@ def test_an_unknown_topic_is_answered_with_the_bags_topics_and_types(tmp_path, w
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
+@pytest.mark.slow
 def test_outputs_that_cannot_be_are_refused_before_the_work(tmp_path, watcher):
     path = written(tmp_path, "mcap")
     (tmp_path / "there").mkdir()
@@ -345,6 +346,7 @@ def test_flipped_bytes_end_in_a_bag_or_in_an_error_of_ours(tmp_path, watcher, su
         assert sorted(p.name for p in tmp_path.iterdir()) == sorted([path.name, f"out.{suffix}"])
 
 
+@pytest.mark.slow
 def test_images_are_judged_in_batches_as_all_at_once(tmp_path, watcher, monkeypatch):
     bag = written(tmp_path, "mcap")
     convert_bag(bag, tmp_path / "whole.mcap", watcher, TOPICS, settings("mcap"))

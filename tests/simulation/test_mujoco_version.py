@@ -61,6 +61,7 @@ def test_mujoco_and_its_core_of_one_version_fit(site: Path) -> None:
     assert not installed.problem
 
 
+@pytest.mark.slow
 def test_two_versions_in_one_folder_are_named_with_the_remedy(site: Path) -> None:
     install(site, "mujoco", "3.17.0", ("__init__.py",))
     install(site, "mujoco-core", "4.0.0", ("__init__.py", LIBRARY))

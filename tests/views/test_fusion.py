@@ -98,6 +98,7 @@ def test_errors_that_estimators_share_do_not_shrink_with_their_number() -> None:
     assert np.median(free.along_m / alone.along_m) == pytest.approx(np.sqrt(1 / 3), rel=0.05)
 
 
+@pytest.mark.slow
 def test_noise_of_the_motion_widens_the_covariance_and_stays_calibrated() -> None:
     noise = CameraNoise(0.004, np.deg2rad(0.3))
     poses, cameras, there, true = world(1500, 3, 2)

@@ -45,6 +45,7 @@ def test_a_strip_shows_the_moments_and_tells_held_from_missed(
     assert orange(strips[0][-1]) > 10 * orange(strips[1][-1])
 
 
+@pytest.mark.slow
 def test_a_strip_of_a_collision_ends_where_the_hand_stopped(
     tmp_path: Path, runner: TrialRunner, grasp: Grasp, renderer: SceneRenderer
 ) -> None:

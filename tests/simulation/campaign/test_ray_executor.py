@@ -136,6 +136,7 @@ def trials() -> tuple[TrialRequests, dict[SetupKey, TrialSetup]]:
     return requests, load_setups(requests, read_grasps())
 
 
+@pytest.mark.slow
 def test_outcomes_are_those_of_this_process_and_few_batches_are_sent_at_a_time(
     ray: FakeRay, head: str, trials: Any, tmp_path: Path
 ) -> None:
@@ -188,6 +189,7 @@ def test_a_node_of_another_version_is_named_with_the_remedy(
         run_campaign(*trials, tmp_path, executor=RayExecutor(head))
 
 
+@pytest.mark.slow
 def test_a_run_without_nodes_waits_and_says_so_until_one_is_back(
     ray: FakeRay,
     head: str,
@@ -213,6 +215,7 @@ def test_a_run_without_nodes_waits_and_says_so_until_one_is_back(
     assert "has 1 node again" in said[-1]
 
 
+@pytest.mark.slow
 def test_a_run_of_which_nothing_comes_back_says_so(
     ray: FakeRay,
     head: str,

@@ -42,6 +42,7 @@ def test_they_are_computed_once(tables: BopDataset) -> None:
     assert not told
 
 
+@pytest.mark.slow
 def test_a_changed_file_is_computed_again(
     tables: BopDataset, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -64,6 +64,7 @@ def test_a_part_that_does_not_stand_lies_as_it_does_and_that_is_said(tmp_path: P
     assert "topples" in refused(tmp_path / "rod.stl", rod, up=(0.0, 0.0, 1.0))
 
 
+@pytest.mark.slow
 def test_a_part_with_y_up_is_told_so(tmp_path: Path) -> None:
     cone = trimesh.creation.cone(50.0, 70.0)
     cone.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))

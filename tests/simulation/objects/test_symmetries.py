@@ -53,6 +53,7 @@ def test_a_ball_has_three_axes() -> None:
     assert len(ball.continuous) == 3 and str(ball) == "any rotation (a ball)"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["box", "cylinder", pytest.param("hexagon", marks=pytest.mark.slow)]
 )
