@@ -120,6 +120,7 @@ def supervised(*command: str, grace_s: float = 0.2) -> tuple[str, int]:
     process = subprocess.Popen(
         [sys.executable, supervisor.__file__, str(watched), str(theirs), str(grace_s), *command],
         pass_fds=(watched, theirs),
+        env={**os.environ, "PYTHONPATH": str(SOURCE)},
         stdout=subprocess.DEVNULL,
         start_new_session=True,
     )
