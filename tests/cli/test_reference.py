@@ -14,8 +14,8 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 VERBS = verb_parsers(parser())
 OPTIONS = {o for verb in VERBS.values() for a in verb._actions for o in a.option_strings}
-# Of other programs that the pages name: ZebraPose's test.py.
-FOREIGN = {"--use"}
+# Of other programs that the pages name: Ray, ZebraPose's test.py.
+FOREIGN = {"--num-cpus", "--use"}
 
 
 def test_the_reference_is_what_the_parser_says() -> None:
@@ -53,7 +53,9 @@ def test_commands_on_the_pages_use_verbs_and_options_that_exist(page: Path) -> N
 def test_options_named_on_the_pages_exist(page: Path) -> None:
     named = set(re.findall(r"`(--[a-z][a-z-]*)", page.read_text()))
     scripts = "".join(
-        p.read_text() for d in ("benchmarks", "training") for p in (ROOT / d).glob("*.py")
+        p.read_text()
+        for d in ("benchmarks", "scripts", "training")
+        for p in (ROOT / d).glob("*.py")
     )
     unknown = {o for o in named - OPTIONS - FOREIGN if f'"{o}"' not in scripts}
     assert not unknown
