@@ -291,6 +291,7 @@ def test_objects_behind_the_camera_are_refused(tmp_path: Path) -> None:
     assert len(read_results(tmp_path / "a_lmo-test.csv", lenient=True)) == 5
 
 
+@pytest.mark.ill_typed
 def test_columns_that_do_not_fit_each_other_are_named(some: Results) -> None:
     with pytest.raises(FormatError, match=r"cam_T_obj should be an array of numbers of shape \(7,"):
         replace(some, cam_T_obj=some.cam_T_obj[:3])
@@ -300,6 +301,7 @@ def test_columns_that_do_not_fit_each_other_are_named(some: Results) -> None:
         replace(some, score=np.where(some.im_id == 3, np.nan, some.score))
 
 
+@pytest.mark.ill_typed
 @pytest.mark.parametrize("table", [5, [1, 2], "scene_id"])
 def test_what_is_no_table_is_refused(table: Any) -> None:
     kind = type(table).__name__
