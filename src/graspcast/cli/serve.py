@@ -77,6 +77,8 @@ def _serve(options: argparse.Namespace) -> None:
         raise InputError("--threshold and --certificate exclude each other; give one")
     token = token_from()
     with ExitStack() as stack:
+        # Standard error has the log, JSON lines alone.
+        stack.enter_context(waiting())
         # What is refused at once is not found out after the models are read.
         listener = stack.enter_context(listen(options.host, options.port, token))
         log = stack.enter_context(AttemptLog.open(options.log)) if options.log else None
@@ -86,5 +88,4 @@ def _serve(options: argparse.Namespace) -> None:
         if log is not None and certificates and certificates[0].overall.threshold is not None:
             monitor = partial(LogMonitor.of(certificates[0]).update, log)
         log_to(requests=not options.quiet)
-        with waiting():
-            serve(watcher, listener, token=token, monitor=monitor)
+        serve(watcher, listener, token=token, monitor=monitor)
