@@ -18,6 +18,7 @@ from graspcast.estimates.instances import KEY_COLUMNS, InstanceKey
 from graspcast.forecasting.verdict import Verdict, VerdictRow, said_by
 from graspcast.io.arguments import PATH, a, checked, refuse_unless, sequence
 from graspcast.io.files import write_text
+from graspcast.io.numerals import plain
 from graspcast.io.reading import read_text
 from graspcast.pose.transforms import transform
 from graspcast.views.next_look import NextLook
@@ -172,7 +173,7 @@ def _verdict_row(row: dict[str, str], path: str | PathLike[str], where: str) -> 
         if not row[name]:
             raise FormatError(path, f"{name} is empty", where=where)
     try:
-        probability = float(row["probability"]) if row["probability"] else None
+        probability = float(plain(row["probability"])) if row["probability"] else None
     except ValueError:
         probability = float("nan")
     if probability is not None and not 0.0 <= probability <= 1.0:
@@ -204,7 +205,7 @@ def _verdict_row(row: dict[str, str], path: str | PathLike[str], where: str) -> 
 
 
 def _number(text: str, name: str, path: str | PathLike[str], where: str) -> int:
-    if not text.isdecimal() or len(text) > 10 or int(text) >= 2**31:
+    if not (text.isascii() and text.isdecimal()) or len(text) > 10 or int(text) >= 2**31:
         raise FormatError(path, f"{name} is {text!r}, not a BOP number", where=where)
     return int(text)
 
@@ -213,7 +214,7 @@ def _numbers(
     text: str, count: int, name: str, path: str | PathLike[str], where: str
 ) -> Float[ndarray, " count"]:
     try:
-        values = np.array(text.split(), dtype=np.float64)
+        values = np.array(plain(text).split(), dtype=np.float64)
     except ValueError:
         values = np.empty(0)
     if values.shape != (count,) or not np.isfinite(values).all():

@@ -28,6 +28,7 @@ from graspcast.bop.camera_poses import read_scene_camera_poses
 from graspcast.errors import FormatError, InputError
 from graspcast.io.arguments import PATH, checked
 from graspcast.io.json import identifier
+from graspcast.io.numerals import plain
 from graspcast.io.reading import read_text
 from graspcast.pose.lengths import METRES
 from graspcast.pose.transforms import invert, rotation_from_quaternion, transform
@@ -180,6 +181,6 @@ def _quaternion_parser(q: Sequence[str], t: Sequence[str], scale: float) -> Pars
 
 def _floats(texts: Sequence[str], what: str) -> list[float]:
     try:
-        return [float(text) for text in texts]
+        return [float(plain(text)) for text in texts]
     except ValueError as error:
         raise ValueError(f": {what} holds what is no number: {' '.join(texts)[:60]!r}") from error
