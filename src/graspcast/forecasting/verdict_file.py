@@ -19,7 +19,7 @@ from graspcast.forecasting.verdict import Verdict, VerdictRow, said_by
 from graspcast.io.arguments import PATH, a, checked, refuse_unless, sequence
 from graspcast.io.files import write_text
 from graspcast.io.numerals import plain
-from graspcast.io.reading import read_text
+from graspcast.io.reading import other_separator, read_text
 from graspcast.pose.transforms import transform
 from graspcast.views.next_look import NextLook
 
@@ -157,6 +157,8 @@ def _check_columns(path: str | PathLike[str], columns: Sequence[str], more: Sequ
             "is a verdicts file of a former version, which does not say which instance a row is "
             "about; run graspcast predict again",
         )
+    if problem := other_separator(",".join(columns)):
+        raise FormatError(path, problem)
     what = "a file of verdicts after each look" if more else "a verdicts file"
     raise FormatError(path, f"no column {', '.join(missing)}; {what} has {', '.join(needed)}")
 

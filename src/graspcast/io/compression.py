@@ -5,7 +5,7 @@ from __future__ import annotations
 import codecs
 import zlib
 
-__all__ = ["compressed", "gunzipped", "not_text"]
+__all__ = ["compressed", "gunzipped", "not_text", "utf_16"]
 
 _GZIP = b"\x1f\x8b"
 _STARTS = {
@@ -29,9 +29,14 @@ def compressed(content: bytes) -> str:
 
 def not_text(content: bytes) -> str:
     """Say why content is no UTF-8 text: it is compressed, in another encoding, or no text."""
+    return compressed(content) or utf_16(content) or _first_bad_byte(content)
+
+
+def utf_16(content: bytes) -> str:
+    """Say that content is text in UTF-16, and what to do, by its first bytes, or nothing."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "is not UTF-8 text but UTF-16; save it as UTF-8"
-    return compressed(content) or _first_bad_byte(content)
+    return ""
 
 
 def _first_bad_byte(content: bytes) -> str:

@@ -29,7 +29,7 @@ from graspcast.errors import FormatError, InputError
 from graspcast.io.arguments import PATH, checked
 from graspcast.io.json import identifier
 from graspcast.io.numerals import plain
-from graspcast.io.reading import read_text
+from graspcast.io.reading import other_separator, read_text
 from graspcast.pose.lengths import METRES
 from graspcast.pose.transforms import invert, rotation_from_quaternion, transform
 from graspcast.views.camera_motion import CameraMotion
@@ -89,6 +89,8 @@ def _from_table(path: Path) -> CameraMotion:
     except csv.Error as error:
         raise FormatError(path, f"is not a CSV file ({error})") from error
     header = [name.strip() for name in rows[0]] if rows else []
+    if problem := other_separator(",".join(header)):
+        raise FormatError(path, problem, where="line 1", parameters=("camera_poses",))
     if missing := [name for name in ("scene_id", "im_id") if name not in header]:
         raise FormatError(
             path,
