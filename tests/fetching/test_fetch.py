@@ -233,6 +233,14 @@ def test_a_cache_that_may_only_be_read_serves(get: Get, tmp_path: Path) -> None:
     assert [a.new for a in get().archives] == [False, False]
 
 
+def test_a_cache_that_cannot_be_written_says_what_to_do(get: Get, tmp_path: Path) -> None:
+    root = Store().root
+    root.mkdir(parents=True)
+    (root / "locks").write_text("no directory")
+    with pytest.raises(InputError, match=r"cannot be written .*GRASPCAST_CACHE names another"):
+        get()
+
+
 def test_a_download_that_was_left_is_not_taken_for_new(get: Get, tmp_path: Path) -> None:
     get()
     store, archive = Store(), ITEMS["lmo-models"].archives[1]

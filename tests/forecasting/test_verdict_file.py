@@ -136,6 +136,28 @@ def test_what_is_wrong_with_a_file_is_named(
         read_verdicts(path)
 
 
+def test_other_separators_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "v.csv"
+    write_verdicts(path, [verdict_row(decide(0.9, 0.5), 2, 3)])
+    path.write_text(path.read_text().replace(",", ";"))
+    with pytest.raises(FormatError, match="separated by semicolons; separate them by commas"):
+        read_verdicts(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [("lmo,2,3,1", "lmo,2,\u0663,1", "im_id is"), (",0.9", ",0_0.9", "not from 0 to 1")],
+)
+def test_numbers_that_only_python_reads_are_refused(
+    tmp_path: Path, old: str, new: str, says: str
+) -> None:
+    path = tmp_path / "v.csv"
+    write_verdicts(path, [verdict_row(decide(0.9, 0.5), 2, 3)])
+    path.write_text(path.read_text().replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(FormatError, match=says):
+        read_verdicts(path)
+
+
 def test_a_file_of_the_former_form_is_refused_with_the_remedy(tmp_path: Path) -> None:
     path = tmp_path / "v.csv"
     path.write_text(

@@ -75,6 +75,19 @@ def test_without_a_digest_or_with_another_it_is_refused(tmp_path: Path) -> None:
         write_artefact(path, {"x": float("nan")})
 
 
+@pytest.mark.parametrize(
+    ("content", "says"), [("", "is not valid JSON"), ('{"a"', "is not valid"), ("[]", "an object")]
+)
+def test_what_is_no_json_object_is_refused_with_the_remedy(
+    tmp_path: Path, content: str, says: str
+) -> None:
+    path = tmp_path / "a.json"
+    path.write_text(content)
+    with pytest.raises(FormatError, match=rf"{says}.*; make it again$") as caught:
+        read_artefact(path, "make it again", parameters=("state",))
+    assert caught.value.parameters == ("state",)
+
+
 def certificate(folder: Path) -> tuple[Path, Callable[[], Any]]:
     n, path = np.arange(80), folder / "certificate.json"
     certify(np.full(80, 0.95), n >= 0, n // 2, **ASKED).save(path)

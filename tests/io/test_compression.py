@@ -50,3 +50,13 @@ def test_another_encoding(tmp_path: Path) -> None:
         read_json(path, list)
     with pytest.raises(FormatError, match="is not UTF-8 text"):
         read_results(path)
+
+
+def test_what_to_do_about_another_encoding(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_bytes("[1]\n".encode("utf-16"))
+    with pytest.raises(FormatError, match="not UTF-8 text but UTF-16; save it as UTF-8"):
+        read_json(path, list)
+    path.write_bytes('[\n"é"]'.encode("latin-1"))
+    with pytest.raises(FormatError, match=r"\(byte 0xe9 in line 2\); save it as UTF-8"):
+        read_json(path, list)

@@ -126,3 +126,19 @@ def test_a_csv_that_is_packed_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(gzip.compress(b"a,b\n1,2\n"))
     with pytest.raises(FormatError, match="gzip"):
         read_csv(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(("mark", "says"), [(";", "semicolons"), ("\t", "tabs")])
+def test_other_separators_are_named(tmp_path: Path, mark: str, says: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"a{mark}b\n1{mark}0,5\n")
+    with pytest.raises(FormatError, match=f"separated by {says}; separate them by commas"):
+        read_csv(path)
+    path.write_text(f'a,"b{mark}"\n1,2\n')
+    assert read_csv(path).shape == (1, 2)
+
+
+def test_a_csv_in_utf_16_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes("a,b\n1,2\n".encode("utf-16"))
+    with pytest.raises(FormatError, match="UTF-16; save it as UTF-8"):
+        read_csv(tmp_path / "a.csv")

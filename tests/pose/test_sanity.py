@@ -235,3 +235,8 @@ def test_each_pose_of_a_batch_has_its_own_problem_and_diameter() -> None:
     said = pose_problems(poses, sizes)
     assert [bool(text) for text in said] == [False, True, True, False]
     assert "behind" in said[1] and "an object 5.00 m across" in said[2]
+
+
+def test_a_scaled_matrix_is_not_called_transposed() -> None:
+    (said,) = pose_problems(2 * np.eye(4)[None], DIAMETER)
+    assert said == "has the last row 0 0 0 2, not 0 0 0 1"

@@ -228,6 +228,15 @@ def test_an_object_of_placeholders_alone_is_in_the_notes(watcher: Watcher) -> No
     assert sum("placeholders" in note and "d-1" in note for note in answer.notes) == len(NAMES)
 
 
+def test_estimates_given_twice_are_decided_once(watcher: Watcher) -> None:
+    once = {name: [Estimate("d-1", FOUND[name][0, 0])] for name in NAMES}
+    expected = watcher.judge(Frame(once))
+    answer = watcher.judge(Frame({name: given * 2 for name, given in once.items()}))
+    (decision,) = answer.decisions
+    assert decision.probability == expected.decisions[0].probability
+    assert sum("is judged once: d-1" in note for note in answer.notes) == len(NAMES)
+
+
 def test_numbers_near_the_largest_are_no_pose_and_no_warning(watcher: Watcher) -> None:
     large = np.eye(4)
     large[0, 1] = large[2, 3] = 1e300

@@ -15,6 +15,7 @@ from graspcast.bop.rotations import MAX_ROTATION_DEVIATION, checked_rotations
 from graspcast.bop.unit_checks import distance_problem
 from graspcast.bop.units import metres, millimetres
 from graspcast.errors import FormatError
+from graspcast.io.numerals import plain
 from graspcast.pose.conventions import behind_hint
 from graspcast.pose.lengths import METRES
 from graspcast.pose.sanity import is_placeholder, pose_problems
@@ -28,14 +29,14 @@ COLUMNS = ("scene_id", "im_id", "obj_id", "score", "R", "t", "time")
 def _whole(cell: Any) -> int:
     if isinstance(cell, bool | float):
         raise ValueError
-    value = int(cell)
+    value = int(plain(cell))
     if not 0 <= value < 2**31:
         raise ValueError
     return value
 
 
 def _finite(cell: Any) -> float:
-    value = float(cell)
+    value = float(plain(cell))
     if not isfinite(value):
         raise ValueError
     return value
@@ -56,6 +57,7 @@ _SEPARATORS = str.maketrans(dict.fromkeys("[](){},;", " "))
 def _floats(cell: Any) -> list[float]:
     if not isinstance(cell, str):
         return [float(part) for part in np.ravel(cell).tolist()]
+    plain(cell)
     try:
         return [float(part) for part in cell.split()]
     except ValueError:

@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from typing import TextIO
 
 from graspcast._version import __version__
 from graspcast.cli import (
@@ -128,11 +129,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
         return code
     except GraspcastError as error:
-        told = _with_options(arguments_parser, options.verb, error)
-        print(f"graspcast {options.verb}: {told}", file=sys.stderr)  # noqa: T201
+        _tell(options.verb, _with_options(arguments_parser, options.verb, error))
         return 2
     except KeyboardInterrupt:
-        print(f"graspcast {options.verb}: interrupted", file=sys.stderr)  # noqa: T201
+        _tell(options.verb, "interrupted")
         return 130
     except BrokenPipeError:
         _discard_output()
@@ -141,16 +141,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(error, RuntimeError) and "start new thread" not in str(error):
             raise
         what = "memory ran out" if isinstance(error, MemoryError) else str(error)
-        print(f"graspcast {options.verb}: {what}", file=sys.stderr)  # noqa: T201
+        if isinstance(error, OSError) and error.errno is not None and error.filename is None:
+            # Every file is opened by its name; what has none is where the output goes.
+            what = f"standard output or error cannot be written ({error.strerror})"
+        _tell(options.verb, what)
         _discard_output()
         return 2
 
 
+def _tell(verb: str, text: str) -> None:
+    """Print a message on standard error; where that cannot be written, the exit code is left."""
+    try:
+        print(f"graspcast {verb}: {text}", file=sys.stderr, flush=True)  # noqa: T201
+    except OSError:
+        _discard(sys.stderr)
+
+
 def _discard_output() -> None:
     """Keep Python from writing what is left of the output when it exits, which fails again."""
+    _discard(sys.stdout)
+
+
+def _discard(stream: TextIO | None) -> None:
     with suppress(OSError, ValueError, AttributeError):
         null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, sys.stdout.fileno())
+        os.dup2(null, stream.fileno())  # type: ignore[union-attr]
         os.close(null)
 
 

@@ -162,8 +162,11 @@ class _Job:
                 "directory from where it was fetched",
                 parameters=("offline",),
             )
+        lock = store.lock(archive)
+        with writing(lock):
+            lock.parent.mkdir(parents=True, exist_ok=True)
         with exclusive_lock(
-            store.lock(archive),
+            lock,
             f"{store.folder(archive)}: another process has been fetching it for "
             f"{self.limits.lock_s:.0f} s; end it, or wait for it",
             wait_s=self.limits.lock_s,

@@ -100,6 +100,6 @@ def _place(row: VerdictRow) -> tuple[object, ...]:
 
 
 def _count(text: str, name: str, path: str | PathLike[str], where: str) -> int:
-    if not text.isdecimal() or len(text) > 9:
+    if not (text.isascii() and text.isdecimal()) or len(text) > 9:
         raise FormatError(path, f"{name} is {text!r}, not a whole number", where=where)
     return int(text)

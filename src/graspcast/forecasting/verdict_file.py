@@ -18,7 +18,8 @@ from graspcast.estimates.instances import KEY_COLUMNS, InstanceKey
 from graspcast.forecasting.verdict import Verdict, VerdictRow, said_by
 from graspcast.io.arguments import PATH, a, checked, refuse_unless, sequence
 from graspcast.io.files import write_text
-from graspcast.io.reading import read_text
+from graspcast.io.numerals import plain
+from graspcast.io.reading import other_separator, read_text
 from graspcast.pose.transforms import transform
 from graspcast.views.next_look import NextLook
 
@@ -156,6 +157,8 @@ def _check_columns(path: str | PathLike[str], columns: Sequence[str], more: Sequ
             "is a verdicts file of a former version, which does not say which instance a row is "
             "about; run graspcast predict again",
         )
+    if problem := other_separator(",".join(columns)):
+        raise FormatError(path, problem)
     what = "a file of verdicts after each look" if more else "a verdicts file"
     raise FormatError(path, f"no column {', '.join(missing)}; {what} has {', '.join(needed)}")
 
@@ -172,7 +175,7 @@ def _verdict_row(row: dict[str, str], path: str | PathLike[str], where: str) -> 
         if not row[name]:
             raise FormatError(path, f"{name} is empty", where=where)
     try:
-        probability = float(row["probability"]) if row["probability"] else None
+        probability = float(plain(row["probability"])) if row["probability"] else None
     except ValueError:
         probability = float("nan")
     if probability is not None and not 0.0 <= probability <= 1.0:
@@ -204,7 +207,7 @@ def _verdict_row(row: dict[str, str], path: str | PathLike[str], where: str) -> 
 
 
 def _number(text: str, name: str, path: str | PathLike[str], where: str) -> int:
-    if not text.isdecimal() or len(text) > 10 or int(text) >= 2**31:
+    if not (text.isascii() and text.isdecimal()) or len(text) > 10 or int(text) >= 2**31:
         raise FormatError(path, f"{name} is {text!r}, not a BOP number", where=where)
     return int(text)
 
@@ -213,7 +216,7 @@ def _numbers(
     text: str, count: int, name: str, path: str | PathLike[str], where: str
 ) -> Float[ndarray, " count"]:
     try:
-        values = np.array(text.split(), dtype=np.float64)
+        values = np.array(plain(text).split(), dtype=np.float64)
     except ValueError:
         values = np.empty(0)
     if values.shape != (count,) or not np.isfinite(values).all():

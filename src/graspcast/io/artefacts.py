@@ -50,7 +50,8 @@ def read_artefact(
     path
         The file.
     remedy
-        What to do about a file without a digest or with a wrong one, as ``"certify again"``.
+        What to do about a file that is no JSON object, or without a digest or with a wrong one, as
+        ``"certify again"``.
     parameters
         As for :class:`graspcast.errors.GraspcastError`.
 
@@ -59,7 +60,12 @@ def read_artefact(
     FormatError
         If it cannot be read, is not a JSON object, has no digest, or another one.
     """
-    content: dict[str, Any] = read_json(path, dict)
+    try:
+        content: dict[str, Any] = read_json(path, dict)
+    except FormatError as error:
+        raise FormatError(
+            path, f"{error.problem}; {remedy}", where=error.where, parameters=parameters
+        ) from error
     stated = content.pop(_DIGEST, None)
     if stated is None:
         raise without_digest(path, remedy, parameters=parameters)

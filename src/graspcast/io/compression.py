@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import codecs
 import zlib
 
-__all__ = ["compressed", "gunzipped", "not_text"]
+__all__ = ["compressed", "gunzipped", "not_text", "utf_16"]
 
 _GZIP = b"\x1f\x8b"
 _STARTS = {
@@ -27,8 +28,25 @@ def compressed(content: bytes) -> str:
 
 
 def not_text(content: bytes) -> str:
-    """Say why content is no UTF-8 text: it is compressed, or something else."""
-    return compressed(content) or "is not UTF-8 text"
+    """Say why content is no UTF-8 text: it is compressed, in another encoding, or no text."""
+    return compressed(content) or utf_16(content) or _first_bad_byte(content)
+
+
+def utf_16(content: bytes) -> str:
+    """Say that content is text in UTF-16, and what to do, by its first bytes, or nothing."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "is not UTF-8 text but UTF-16; save it as UTF-8"
+    return ""
+
+
+def _first_bad_byte(content: bytes) -> str:
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        at = error.start
+        line = content.count(b"\n", 0, at) + 1
+        return f"is not UTF-8 text (byte 0x{content[at]:02x} in line {line}); save it as UTF-8"
+    return "is not UTF-8 text"
 
 
 def gunzipped(content: bytes, limit: int) -> bytes:

@@ -13,6 +13,7 @@ from numpy import ndarray
 
 from graspcast.errors import FormatError, InputError
 from graspcast.io.files import write_text
+from graspcast.io.numerals import plain
 from graspcast.io.reading import read_text
 
 __all__ = ["by_identifier", "identifier", "numbers", "read_json", "require", "write_json"]
@@ -120,7 +121,7 @@ def identifier(value: Any, path: str | PathLike[str], where: str) -> int:
     try:
         if isinstance(value, bool | float):
             raise ValueError
-        number = int(value)
+        number = int(plain(value))
         if not 0 <= number < 2**31:
             raise ValueError
     except (TypeError, ValueError) as error:

@@ -15,7 +15,14 @@ from pathlib import Path
 from graspcast.errors import FormatError
 from graspcast.io.compression import gunzipped, not_text
 
-__all__ = ["MAX_BYTES", "MAX_TEXT_BYTES", "check_regular", "read_bytes", "read_text"]
+__all__ = [
+    "MAX_BYTES",
+    "MAX_TEXT_BYTES",
+    "check_regular",
+    "other_separator",
+    "read_bytes",
+    "read_text",
+]
 
 MAX_BYTES = 2**30
 """Most bytes of a file of data: tables, JSON, meshes, images, networks, models."""
@@ -113,3 +120,15 @@ def _check(path: str | PathLike[str], found: os.stat_result, limit: int) -> None
 
 def _too_large(path: str | PathLike[str], size: int, limit: int) -> FormatError:
     return FormatError(path, f"has {size:,} bytes; files of this kind are read up to {limit:,}")
+
+
+def other_separator(text: str) -> str:
+    """Say that a table's columns are separated by semicolons or tabs, or nothing."""
+    header = text.partition("\n")[0]
+    found = [name for mark, name in ((";", "semicolons"), ("\t", "tabs")) if mark in header]
+    if "," in header or not found:
+        return ""
+    return (
+        f"its columns are separated by {found[0]}; separate them by commas, and write decimals "
+        "with a point"
+    )

@@ -18,15 +18,17 @@ from pathlib import Path
 import polars as pl
 
 from graspcast.errors import FormatError
-from graspcast.io.compression import compressed
+from graspcast.io.compression import compressed, utf_16
 from graspcast.io.files import atomic_write
 from graspcast.io.hashing import sha256
-from graspcast.io.reading import read_bytes
+from graspcast.io.reading import other_separator, read_bytes
 
 __all__ = ["parquet_bytes", "read_csv", "read_parquet", "write_table"]
 
 _DIGEST_KEY = "graspcast:sha256"
 _UNSET = "0" * 64
+_HEADER = 2**16
+"""Bytes in which the header of a CSV file is looked at."""
 _MARK = "graspcast:carries-digest"
 """A second mark: a file whose digest has a damaged key does not pass as another program's."""
 # In a Parquet footer a key and its value are strings of the Thrift compact protocol; between them
@@ -117,7 +119,9 @@ def read_csv(path: str | PathLike[str]) -> pl.DataFrame:
         If the file cannot be read or is not CSV.
     """
     content = read_bytes(path)
-    if said := compressed(content):  # polars would unpack it, to any size
+    said = compressed(content)  # polars would unpack it, to any size
+    said = said or utf_16(content)
+    if said := said or other_separator(content[:_HEADER].decode(errors="replace")):
         raise FormatError(path, said)
     try:
         return pl.read_csv(io.BytesIO(content), infer_schema_length=None)

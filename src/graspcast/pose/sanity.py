@@ -26,6 +26,7 @@ __all__ = [
     "as_pose",
     "distance_reference",
     "is_placeholder",
+    "looks_transposed",
     "pose_problems",
     "rotation_problem",
 ]
@@ -139,7 +140,7 @@ def _problem(pose: Float[ndarray, "4 4"], diameter_m: float) -> str:
     if np.abs(pose[3] - [0.0, 0.0, 0.0, 1.0]).max() > 1e-6:
         row = " ".join(f"{x:g}" for x in pose[3])
         return f"has the last row {row}, not 0 0 0 1" + (
-            "; it looks transposed" if np.abs(pose[:3, 3]).max() < 1e-9 else ""
+            "; it looks transposed" if looks_transposed(pose) else ""
         )
     if is_placeholder(pose):
         return "lies at the camera's centre: a placeholder for 'nothing found'"
@@ -148,6 +149,11 @@ def _problem(pose: Float[ndarray, "4 4"], diameter_m: float) -> str:
     if pose[2, 3] <= 0:
         return f"lies behind the camera (z = {pose[2, 3]:.3g} m)"
     return _distance_problem(float(np.linalg.norm(pose[:3, 3])), diameter_m)
+
+
+def looks_transposed(pose: Float[ndarray, "4 4"]) -> bool:
+    """Return whether a matrix has its translation in the last row, and none in the last column."""
+    return bool(np.abs(pose[:3, 3]).max() < 1e-9 < np.abs(pose[3, :3]).max())
 
 
 def rotation_problem(R: Float[ndarray, "3 3"]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from graspcast.estimates.instances import split_object_name
 from graspcast.io.arguments import a, mapping, number, refuse_unless, sequence
 from graspcast.io.cached import cached_property
 from graspcast.io.wording import counted
-from graspcast.pose.sanity import as_pose
+from graspcast.pose.sanity import as_pose, is_placeholder
 from graspcast.views.look import camera_pose, intrinsics
 
 __all__ = ["MAX_ESTIMATES", "MAX_ESTIMATORS", "Estimate", "Frame"]
@@ -95,7 +95,8 @@ class Frame:
     ----------
     estimates
         Estimator's name to its estimates, of any objects and any number of instances of each. An
-        estimator that found nothing, or did not run, has an empty list, or is left out.
+        estimator that found nothing, or did not run, has an empty list, or is left out. A pose
+        that an estimator gives an object twice is kept once, with the higher score.
     world_T_cam
         The camera's pose (OpenCV's frame, z forward) in the world, metres, (4, 4); None if it is
         not known. Without it several looks cannot be fused.
@@ -107,6 +108,9 @@ class Frame:
     reachable
         Names of the grasps that the robot can reach, of all objects, or of each by its name, and
         all of those that it does not name. None if all can be reached.
+    repeated
+        Estimator's name to the objects of which it gave a pose again, one for each repeat that was
+        left out: it would be attempted twice.
 
     Raises
     ------
@@ -121,6 +125,7 @@ class Frame:
     K: Float[ndarray, "3 3"] | None = None
     time_s: float | None = None
     reachable: Collection[str] | Mapping[str, Collection[str]] | None = None
+    repeated: Mapping[str, Sequence[str]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         refuse_unless(_ESTIMATES, self.estimates, "Frame", "estimates")
@@ -135,6 +140,7 @@ class Frame:
                     f"Frame: {count} {what} are too many; at most {most} are allowed",
                     parameters=("estimates",),
                 )
+        self._leave_out_repeats()
         if self.time_s is not None:
             refuse_unless(_FINITE, self.time_s, "Frame", "time_s")
             object.__setattr__(self, "time_s", float(self.time_s))
@@ -143,6 +149,22 @@ class Frame:
         if self.K is not None:
             object.__setattr__(self, "K", intrinsics(self.K, "Frame"))
         object.__setattr__(self, "reachable", _reachable(self.reachable))
+
+    def _leave_out_repeats(self) -> None:
+        kept: dict[str, Sequence[Estimate]] = {}
+        repeated: dict[str, list[str]] = {}
+        for name, given in self.estimates.items():
+            first: dict[tuple[str, bytes], Estimate] = {}
+            for estimate in given:
+                key = estimate.object_name, estimate.cam_T_obj.tobytes()
+                known = first.get(key)
+                # A placeholder stands for nothing found, however often it comes.
+                if known is not None and not is_placeholder(estimate.cam_T_obj[None])[0]:
+                    repeated.setdefault(name, []).append(estimate.object_name)
+                first[key] = estimate if known is None or known.score < estimate.score else known
+            kept[name] = tuple(first.values()) if name in repeated else given
+        object.__setattr__(self, "estimates", kept)
+        object.__setattr__(self, "repeated", repeated)
 
     def __len__(self) -> int:
         return sum(map(len, self.estimates.values()))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from graspcast.estimates.checks import no_estimate_by
+from graspcast.io.wording import counted
 from graspcast.pose.sanity import is_placeholder, pose_problems
 from graspcast.runtime.frame import Frame
 
@@ -43,18 +44,26 @@ def nothing_sane(
 
 
 def placeholder_notes(frame: Frame) -> list[str]:
-    """Say for each estimator of how many objects it gave a placeholder, or nothing."""
-    out = []
+    """Say of each estimator which placeholders and repeated poses it gave, or nothing."""
+    out = [
+        f"{estimator} gave {counted(len(named), 'pose')} again, bit by bit, and each is judged "
+        f"once: {_some(named)}"
+        for estimator, named in frame.repeated.items()
+    ]
     for estimator, given in frame.estimates.items():
         if not given:
             continue
         empty = is_placeholder(np.array([estimate.cam_T_obj for estimate in given]))
         if empty.any():
             named = [given[i].object_name for i in np.flatnonzero(empty).tolist()]
-            shown = ", ".join(list(dict.fromkeys(named))[:5])
             out.append(
                 f"{len(named)} of {len(given)} poses by {estimator} lie at the camera's centre, "
-                f"placeholders for 'nothing found', and are left out: {shown}"
-                + (", …" if len(set(named)) > 5 else "")
+                f"placeholders for 'nothing found', and are left out: {_some(named)}"
             )
     return out
+
+
+def _some(names: Sequence[str]) -> str:
+    """Return the first five different names."""
+    different = list(dict.fromkeys(names))
+    return ", ".join(different[:5]) + (", …" if len(different) > 5 else "")

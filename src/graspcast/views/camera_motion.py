@@ -15,7 +15,7 @@ from graspcast.errors import InputError
 from graspcast.io.arguments import NAME, a, checked, number, refuse_unless
 from graspcast.io.wording import counted
 from graspcast.pose.lengths import METRES
-from graspcast.pose.sanity import rotation_problem
+from graspcast.pose.sanity import looks_transposed, rotation_problem
 from graspcast.pose.transforms import compose, invert, project_to_rotation
 from graspcast.views.motion import ViewMotions
 
@@ -248,7 +248,7 @@ def rigid(pose: Any) -> Float[ndarray, "4 4"]:
         raise ValueError("holds numbers that are not finite")
     if np.abs(matrix[3] - [0, 0, 0, 1]).max() > 1e-6:
         row = " ".join(f"{x:g}" for x in matrix[3])
-        hint = "; it looks transposed" if np.abs(matrix[:3, 3]).max() < 1e-9 else ""
+        hint = "; it looks transposed" if looks_transposed(matrix) else ""
         raise ValueError(f"has the last row {row}, not 0 0 0 1{hint}")
     if problem := rotation_problem(matrix[:3, :3]):
         raise ValueError(problem)

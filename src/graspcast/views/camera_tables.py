@@ -28,7 +28,8 @@ from graspcast.bop.camera_poses import read_scene_camera_poses
 from graspcast.errors import FormatError, InputError
 from graspcast.io.arguments import PATH, checked
 from graspcast.io.json import identifier
-from graspcast.io.reading import read_text
+from graspcast.io.numerals import plain
+from graspcast.io.reading import other_separator, read_text
 from graspcast.pose.lengths import METRES
 from graspcast.pose.transforms import invert, rotation_from_quaternion, transform
 from graspcast.views.camera_motion import CameraMotion
@@ -88,6 +89,8 @@ def _from_table(path: Path) -> CameraMotion:
     except csv.Error as error:
         raise FormatError(path, f"is not a CSV file ({error})") from error
     header = [name.strip() for name in rows[0]] if rows else []
+    if problem := other_separator(",".join(header)):
+        raise FormatError(path, problem, where="line 1", parameters=("camera_poses",))
     if missing := [name for name in ("scene_id", "im_id") if name not in header]:
         raise FormatError(
             path,
@@ -180,6 +183,6 @@ def _quaternion_parser(q: Sequence[str], t: Sequence[str], scale: float) -> Pars
 
 def _floats(texts: Sequence[str], what: str) -> list[float]:
     try:
-        return [float(text) for text in texts]
+        return [float(plain(text)) for text in texts]
     except ValueError as error:
         raise ValueError(f": {what} holds what is no number: {' '.join(texts)[:60]!r}") from error

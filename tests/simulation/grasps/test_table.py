@@ -211,3 +211,12 @@ def test_no_file_is_written_that_could_not_be_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there are two grasps of 'mug' by 'parallel'"):
         write_grasps(tmp_path / "mine.toml", twice)
     assert not (tmp_path / "mine.toml").exists()
+
+
+@pytest.mark.parametrize(("key", "name"), [("object", "mug"), ("gripper", "parallel")])
+def test_an_empty_name_is_refused(tmp_path: Path, key: str, name: str) -> None:
+    entry = ENTRY.replace(f'{key} = "{name}"', f'{key} = " "')
+    assert entry != ENTRY
+    (tmp_path / "mine.toml").write_text(entry)
+    with pytest.raises(FormatError, match=rf"grasp\[0\]: {key} is ' '; give the {key}'s name"):
+        read_grasps(tmp_path / "mine.toml")

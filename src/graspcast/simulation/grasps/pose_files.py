@@ -16,6 +16,7 @@ from numpy import ndarray
 from graspcast.errors import FormatError, InputError
 from graspcast.io.arguments import PATH, checked
 from graspcast.io.json import numbers, read_json, require
+from graspcast.io.numerals import plain
 from graspcast.io.reading import read_text
 from graspcast.io.wording import counted
 from graspcast.pose.transforms import project_to_rotation, rotation_from_quaternion, transform
@@ -198,7 +199,7 @@ def _rigid(
 
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        float(plain(text))
     except ValueError:
         return False
     return True

@@ -283,6 +283,9 @@ def grasps_in(path: str | PathLike[str]) -> list[ReferenceGrasp]:
 
 def _entry(table: TomlTable) -> ReferenceGrasp:
     object_name, gripper = table.take("object", str), table.take("gripper", str)
+    for key, given in (("object", object_name), ("gripper", gripper)):
+        if not given.strip():
+            raise table.error(key, f"is {given!r}; give the {key}'s name")
     name = table.take("name", str, REFERENCE_GRASP)
     table.where += f" ({object_name} by {gripper})"
     position = np.array(table.numbers("position_m", 3))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from graspcast.errors import FormatError
+from graspcast.io.numerals import plain
 from graspcast.io.tables import read_csv
 from graspcast.simulation.objects.new_object import Told
 
@@ -55,7 +56,7 @@ class MassTable:
 
     def _number(self, row: dict[str, Any], key: str, line: int) -> float:
         try:
-            value = float(row[key])
+            value = float(plain(row[key]))
         except (TypeError, ValueError):
             value = float("nan")
         if not (isfinite(value) and value > 0):
