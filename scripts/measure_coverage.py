@@ -84,9 +84,10 @@ def combined(found: list[Path], omitted: list[str]) -> dict:
     environment = {**os.environ, "COVERAGE_FILE": str(whole)}
     coverage = (sys.executable, "-m", "coverage")
     omit = [f"--omit={','.join(omitted)}"] if omitted else []
+    # Copies of the package that a test made are gone: their sources are not looked for.
     for command in (
         ("combine", "--quiet", *map(str, found)),
-        ("json", "--quiet", "-o", str(report), *omit),
+        ("json", "--quiet", "--ignore-errors", "-o", str(report), *omit),
     ):
         subprocess.run([*coverage, *command], cwd=ROOT, env=environment, check=True)
     return json.loads(report.read_text(encoding="utf-8"))
