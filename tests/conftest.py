@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 from collections import Counter
 from collections.abc import Iterator
@@ -38,12 +39,37 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--slow", action="store_true", help="run the slow tests, too")
+    parser.addoption(
+        "--slow-part",
+        type=_part,
+        metavar="K/N",
+        help="run the slow tests of every N-th file too, K of 1 to N",
+    )
+
+
+def _part(text: str) -> tuple[int, int]:
+    """Parse ``K/N``."""
+    which, _, of = text.partition("/")
+    if not (which.isdecimal() and of.isdecimal() and 1 <= int(which) <= int(of)):
+        raise argparse.ArgumentTypeError(f"{text!r} is not K/N with K from 1 to N, such as 2/3")
+    return int(which), int(of)
 
 
 def without_slow(config: pytest.Config) -> bool:
     """Whether slow tests are left out: nobody asked for them, by option, mark or name."""
     named = any("::" in argument for argument in config.args)
-    return not (config.getoption("slow") or "slow" in config.getoption("markexpr") or named)
+    asked = config.getoption("slow") or config.getoption("slow_part")
+    return not (asked or "slow" in config.getoption("markexpr") or named)
+
+
+def _of_other_parts(config: pytest.Config, slow: list[pytest.Item]) -> set[pytest.Item]:
+    """Return the slow tests of files that are not in the wanted part."""
+    if config.getoption("slow") or not config.getoption("slow_part"):
+        return set()
+    which, of = config.getoption("slow_part")
+    files = sorted({item.path for item in slow})
+    mine = set(files[which - 1 :: of])
+    return {item for item in slow if item.path not in mine}
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -51,14 +77,14 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out slow tests, and begin with the files that hold most of them.
+    """Leave out slow tests, or begin with the files that hold most of them.
 
     So that no process works on its last long file when the others are done.
     """
     slow = [item for item in items if item.get_closest_marker("slow")]
-    if without_slow(config):
-        config.hook.pytest_deselected(items=slow)
-        left_out = set(slow)
+    left_out = set(slow) if without_slow(config) else _of_other_parts(config, slow)
+    if left_out:
+        config.hook.pytest_deselected(items=list(left_out))
         items[:] = [item for item in items if item not in left_out]
     if hasattr(config, "workerinput"):
         slow_tests, tests = (Counter(item.path for item in of) for of in (slow, items))
@@ -70,6 +96,8 @@ def pytest_terminal_summary(
 ) -> None:
     if without_slow(config):
         terminalreporter.write_line("slow tests were left out: pytest --slow runs them, too")
+    elif part := config.getoption("slow_part"):
+        terminalreporter.write_line(f"slow tests: part {part[0]} of {part[1]} of their files")
 
 
 @pytest.fixture(autouse=True)
