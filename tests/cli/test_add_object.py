@@ -33,6 +33,7 @@ def content(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
+@pytest.mark.slow
 def test_from_a_mesh_to_a_grasp(
     tmp_path: Path, box: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -40,6 +40,7 @@ def arguments(folder: Path, *more: str, names: str = "abc", gripper: str = "para
     return [*out, "--bootstrap", "20", "--method", "direct", *more]
 
 
+@pytest.mark.slow
 def test_the_verb_prints_what_it_writes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = folder / "compare.json"
     assert main(arguments(folder, "--json", str(path))) == 0

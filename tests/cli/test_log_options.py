@@ -135,6 +135,7 @@ def certify(root: Path, out: Path, *data: str) -> list[str]:
 
 
 @pytest.mark.usefixtures("same_scenes")
+@pytest.mark.slow
 def test_a_model_from_a_log_is_that_from_files(world: Path) -> None:
     assert main(train(world, "logged.npz", "--from-log", str(world / "train.db"))) == 0
     one, two = (Forecaster.load(world / name) for name in ("m.npz", "logged.npz"))

@@ -111,6 +111,7 @@ def test_truncated_models(taught: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert "No such file" in refused(predict(taught), capsys)
 
 
+@pytest.mark.slow
 def test_an_object_known_by_simulated_trials_alone(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -49,6 +49,7 @@ def test_too_little_to_learn_from(world: Path, capsys: pytest.CaptureFixture[str
     refused(train(world, "--folds", "0"), capsys)
 
 
+@pytest.mark.slow
 def test_simulated_trials_beside_outcomes_of_another_object(
     trained: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

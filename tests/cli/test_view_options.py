@@ -77,6 +77,7 @@ def predict(
         return list(csv.DictReader(stream))
 
 
+@pytest.mark.slow
 def test_one_model_serves_several_views_one_view_and_every_guide(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -24,6 +24,7 @@ def test_an_instance_without_ground_truth_is_named(data: Published) -> None:
         _true_poses(elsewhere, data.bop)
 
 
+@pytest.mark.slow
 def test_the_published_benchmark_guessing_the_majority(data: Published) -> None:
     """.755 and .808 on the authors' split, as the paper's tables have it."""
     benchmark = Benchmark.of(data)

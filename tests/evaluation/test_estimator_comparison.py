@@ -40,6 +40,7 @@ def found(models: dict[str, Models]) -> Comparison:
 # --- Supporters -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_an_informative_supporter_improves_forecasts_and_noise_does_not(found: Comparison) -> None:
     principal = found.principals["a"]
     informative, noise = principal.without["b"].improvement, principal.without["c"].improvement
@@ -54,12 +55,14 @@ def test_an_informative_supporter_improves_forecasts_and_noise_does_not(found: C
     assert principal.alone["c"].improvement["aurc"].low > 0.1
 
 
+@pytest.mark.slow
 def test_the_principal_that_is_right_more_often_is_first(found: Comparison) -> None:
     assert found.ranking == ("b", "a")
     assert found.improvement["b", "a"]["success"].low > 0.2
     assert found.improvement["b", "a"]["aurc"].excludes_zero
 
 
+@pytest.mark.slow
 def test_paired_differences_are_antisymmetric(found: Comparison, models: dict[str, Models]) -> None:
     for measure in PRINCIPAL_MEASURES:
         one, other = found.improvement["a", "b"][measure], found.improvement["b", "a"][measure]

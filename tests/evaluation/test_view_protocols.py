@@ -66,6 +66,7 @@ def test_folds_hold_every_principal_and_test_each_instance_once(whole: Benchmark
     assert all(sorted(rows) == list(range(len(whole))) for rows in tested.values())
 
 
+@pytest.mark.slow
 def test_forecasts_do_not_depend_on_outcomes_and_truth_of_the_tested(
     whole: Benchmark, found: Answers
 ) -> None:

@@ -53,6 +53,7 @@ def test_what_broke_off_or_stalled_goes_on_where_it_ended(
     assert server.asked[1][1]["if-range"] == '"v1"'
 
 
+@pytest.mark.slow
 def test_a_trickle_is_a_stall(load: Load) -> None:
     assert load(stalled(CONTENT, 4000, trickle=True), whole(CONTENT)).path.read_bytes() == CONTENT
 

@@ -56,6 +56,7 @@ def attribution(estimates: Estimates, which: slice, by: np.ndarray, *, left: boo
     "principal",
     ["epos", *(pytest.param(name, marks=pytest.mark.slow) for name in ("gdrnpp", "zebrapose"))],
 )
+@pytest.mark.slow
 def test_paper_features_equal_the_released_arrays(
     data_dir: Path, published: Path, principal: str
 ) -> None:

@@ -36,6 +36,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
     return World(forecaster, given.models, fused(given.results, given.models, given.motion))
 
 
+@pytest.mark.slow
 def test_each_guide_has_the_grasp_that_is_best_with_its_pose(world: World) -> None:
     views = world.fused
     several = np.flatnonzero(views.views > 1)

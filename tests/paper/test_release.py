@@ -76,6 +76,7 @@ def test_camera_motion_is_that_of_the_annotation_where_scenes_are_static(
     assert not (imported[0] / "lmo" / "camera_motion").exists()
 
 
+@pytest.mark.slow
 def test_poses_are_those_of_the_arrays(
     imported: tuple[Path, list[Imported]], data_dir: Path
 ) -> None:

@@ -112,6 +112,7 @@ def test_poses_behind_the_camera_hint_at_its_axes_or_at_the_inverse() -> None:
 
 
 @pytest.mark.parametrize("name", ["lmo", pytest.param("ycbv", marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_published_estimators_are_never_accused_and_always_found_out(
     data: Published, name: str
 ) -> None:

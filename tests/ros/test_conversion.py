@@ -92,7 +92,9 @@ def of(messages, topic: str) -> list:
     return [message for name, _, message in messages if name == topic]
 
 
-@pytest.fixture(params=bags.SUFFIXES)
+@pytest.fixture(
+    params=[pytest.param(s, marks=[] if s == "mcap" else pytest.mark.slow) for s in bags.SUFFIXES]
+)
 def suffix(request) -> str:
     return request.param
 

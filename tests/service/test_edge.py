@@ -79,6 +79,7 @@ def test_malformed_bodies_are_the_clients_fault(content: bytes) -> None:
         assert response.json()["detail"]
 
 
+@pytest.mark.slow
 def test_what_the_service_could_not_do_is_a_warning(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.WARNING, "graspcast.service.edge")
     request = ("POST", "/frames", {"content": BODY, "headers": JSON})
@@ -88,6 +89,7 @@ def test_what_the_service_could_not_do_is_a_warning(caplog: pytest.LogCaptureFix
     assert all("wait" in f["detail"] for f in told), told[0]
 
 
+@pytest.mark.slow
 def test_too_much_at_once_is_told_to_wait() -> None:
     watcher = StubWatcher(seconds=0.2)
     request = ("POST", "/frames", {"content": BODY, "headers": JSON})

@@ -12,6 +12,9 @@ import pytest
 from service_client import Process, read_all, running, stub
 from stub_watcher import frame
 
+# A service in a process of its own, and time that passes.
+pytestmark = pytest.mark.slow
+
 HEAD = b"POST /frames HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
 BODY = json.dumps(frame()).encode()
 WHOLE = HEAD + b"Content-Length: %d\r\n\r\n" % len(BODY) + BODY

@@ -75,6 +75,7 @@ def asking(service: Process, count: int) -> Iterator[list[int]]:
 @pytest.mark.parametrize(
     "number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.slow)]
 )
+@pytest.mark.slow
 def test_a_stop_answers_what_was_accepted(tmp_path: Path, number: int) -> None:
     with running(stub(0.25, batch=4), tmp_path) as service:
         with asking(service, 8) as statuses:

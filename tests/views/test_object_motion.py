@@ -137,6 +137,7 @@ def estimated(poses: ndarray, **given: Any) -> FusedEstimates:
     return fuse_estimates(results, motion, dataset="d", views_from="all", **given)
 
 
+@pytest.mark.slow
 def test_estimates_of_other_objects_state_the_motion() -> None:
     """The fused positions are better than those of one view, and their covariances hold."""
     gains, chi = [], []

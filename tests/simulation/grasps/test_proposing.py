@@ -31,6 +31,7 @@ def _found() -> ProposedGrasps:
     return propose_grasps(brick(), gripper, ERRORS, count=3, effort=FEW, known=known, workers=1)
 
 
+@pytest.mark.slow
 def test_the_best_come_first_and_all_hold_at_the_true_pose() -> None:
     found = _found()
     lows = [found.figures(k)["success_low"] for k in range(len(found.grasps))]

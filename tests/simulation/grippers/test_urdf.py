@@ -17,6 +17,7 @@ from jaws import write_urdf_jaws
 MESH = '<collision><geometry><mesh filename="{}" scale="0.001 0.001 0.001"/></geometry></collision>'
 
 
+@pytest.mark.slow
 def test_jaws_of_a_urdf_pass(tmp_path: Path) -> None:
     report = check_gripper(load_gripper(write_urdf_jaws(tmp_path)))
     assert report.passed, str(report)
