@@ -65,6 +65,7 @@ def test_the_verb_prints_what_it_writes(folder: Path, capsys: pytest.CaptureFixt
     assert figures["settings"]["forests"]["trees"] == 4
 
 
+@pytest.mark.slow
 def test_of_two_estimators_one_is_the_only_supporter(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -23,6 +23,9 @@ from graspcast.forecasting.forecaster import Forecaster
 from graspcast.guarantees.certificate import Certificate
 from poses import nudged, random_poses, results_of, write_models
 
+# Forests are trained by the command.
+pytestmark = pytest.mark.slow
+
 SCENES = 120
 PARTS = {"train": range(40), "new": range(40, SCENES)}
 

@@ -15,6 +15,9 @@ from graspcast.bop.results import read_results, write_results
 from graspcast.cli import main
 from graspcast.forecasting.forecaster import Forecaster
 
+# Forests are trained by the command.
+pytestmark = pytest.mark.slow
+
 RESTS = "; one view of one estimator: rests on the pose and its score, mostly visibility"
 WITH_IMAGE = (
     "; one view of one estimator: rests on the pose, its score and the image, mostly visibility"

@@ -341,6 +341,7 @@ def several(two_grasps: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(two_grasps, tmp_path, dirs_exist_ok=True))
 
 
+@pytest.mark.slow
 def test_the_best_grasp_is_named_and_all_are_ranked(
     trained: Path, several: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

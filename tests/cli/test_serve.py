@@ -102,6 +102,7 @@ def as_frame(request: dict[str, Any]) -> Frame:
     return Frame(found, None if camera is None else np.array(camera))
 
 
+@pytest.mark.slow
 def test_verdicts_are_those_of_the_library(client: httpx.Client, watcher: Watcher) -> None:
     """One look, and two looks of an episode, with the same numbers as in this process."""
     first, second = (
@@ -122,6 +123,7 @@ def test_verdicts_are_those_of_the_library(client: httpx.Client, watcher: Watche
             assert decision["cam_T_obj"]["matrix"] == other.cam_T_obj.tolist()
 
 
+@pytest.mark.slow
 def test_outcomes_are_recorded_once(client: httpx.Client, folder: Path) -> None:
     told = client.post("/frames", json=scene(0.0)).json()
     name = told["decisions"][0]["id"]
@@ -137,6 +139,7 @@ def test_outcomes_are_recorded_once(client: httpx.Client, folder: Path) -> None:
         assert recorded["decision_id"].to_list().count(name) == 1
 
 
+@pytest.mark.slow
 def test_unknown_names_and_episodes_are_told(client: httpx.Client) -> None:
     unknown = client.post("/frames", json=scene(0.0, estimates={"none": []}))
     assert (unknown.status_code, "unknown estimator 'none'" in unknown.text) == (422, True)
@@ -147,6 +150,7 @@ def test_unknown_names_and_episodes_are_told(client: httpx.Client) -> None:
     assert client.post(f"/episodes/{told['episode']}/looks", json=scene(0.0)).status_code == 404
 
 
+@pytest.mark.slow
 def test_what_judges_is_told(client: httpx.Client) -> None:
     told = client.get("/models").json()
     (model,) = told["models"]
@@ -202,6 +206,7 @@ def test_no_acknowledged_outcome_is_lost(number: int, tmp_path: Path) -> None:
     assert {name: recorded.get(name) for name in acknowledged} == acknowledged
 
 
+@pytest.mark.slow
 def test_requests_are_logged_as_json_lines(service: Process, client: httpx.Client) -> None:
     client.post("/frames", json=scene(0.0))
     lines = [line for line in service.log() if line["event"] == "request"]
@@ -223,6 +228,7 @@ def mutated(body: bytes, rng: random.Random) -> bytes:
     return body
 
 
+@pytest.mark.slow
 def test_mutated_bodies_are_never_a_fault(client: httpx.Client) -> None:
     rng = random.Random(7)
     camera = {"world_T_cam": moved(0, 0), "K": [[600, 0, 320], [0, 600, 240], [0, 0, 1]]}

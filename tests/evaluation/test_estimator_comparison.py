@@ -107,6 +107,7 @@ def test_scores_are_those_of_forecasts_without_the_supporter(
 @pytest.mark.parametrize(
     "names", ["ab", "abc", *(pytest.param("abcdef"[:n], marks=pytest.mark.slow) for n in (4, 6))]
 )
+@pytest.mark.slow
 def test_two_to_six_estimators(names: str, models: dict[str, Models]) -> None:
     world = EstimatorWorld.make(60, names, scenes=6, tried="a")
     heard: list[float] = []

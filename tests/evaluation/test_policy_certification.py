@@ -29,6 +29,9 @@ from graspcast.views.camera_motion import CameraMotion
 from looked_at import CAMERAS, NAMES, joined, trained
 from static_scenes import estimates_of, objects, scattered, seen
 
+# Forests are trained, and a policy is run at every threshold.
+pytestmark = pytest.mark.slow
+
 SCENES = range(101, 113)
 SETTINGS = ViewSettings(guide="fused", max_looks=3, views_from="all")
 ASKED = GuaranteeOptions(rate=0.6, confidence=0.8, unit="image", ood_alpha=0.0)

@@ -49,6 +49,7 @@ def test_table_one_by_hand() -> None:
     assert rates["lmo-5"]["epos"] == {"parallel": None, "underactuated": 1.0}
 
 
+@pytest.mark.slow
 def test_table_two(data: Published) -> None:
     ours, paper = table2(data), paper_tables()["table2"]
     assert {d: set(rows) for d, rows in ours.items()} == {

@@ -44,6 +44,7 @@ def test_the_best_come_first_and_all_hold_at_the_true_pose() -> None:
     assert all(runner.run(np.eye(4), grasp).success for grasp in found.grasps)
 
 
+@pytest.mark.slow
 def test_they_are_different_from_one_another() -> None:
     gripper, thing = load_gripper("parallel"), brick()
     hand = OpenHand.of(TrialRunner(thing, gripper).scene, gripper)

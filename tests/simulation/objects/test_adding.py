@@ -35,6 +35,7 @@ def content(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
+@pytest.mark.slow
 def test_what_is_written_is_the_object_and_again_nothing_changes(tmp_path: Path) -> None:
     out = tmp_path / "kit"
     new = part(tmp_path / "part.stl")
