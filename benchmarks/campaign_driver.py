@@ -57,7 +57,7 @@ ROWS = {
 
 
 def planned(count: int) -> TrialRequests:
-    """Return made-up requests."""
+    """Return trials of the tomato soup can by the parallel gripper, off by a centimetre and 6°."""
     random = np.random.default_rng(0)
     keys = pl.DataFrame({"im_id": np.arange(count)}).with_columns(
         estimator=pl.lit("drawn"),

@@ -42,7 +42,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from graspcast.pose.transforms import exp
+from campaign_driver import planned
 from graspcast.simulation.campaign import batches
 from graspcast.simulation.campaign.campaign import run_campaign
 from graspcast.simulation.campaign.executors import Executor, LocalExecutor
@@ -61,16 +61,7 @@ INSTANT_TRIALS = 100_000
 
 def campaign(count: int) -> tuple[TrialRequests, dict[SetupKey, TrialSetup]]:
     """Return trials of the tomato soup can by the parallel gripper, off by a centimetre and 6°."""
-    keys = pl.DataFrame({"im_id": np.arange(count)}).with_columns(
-        estimator=pl.lit("drawn"),
-        dataset=pl.lit("ycbv"),
-        scene_id=pl.lit(0),
-        obj_id=pl.lit(4),
-        est_id=pl.lit(0),
-        gripper=pl.lit("parallel"),
-    )
-    twists = np.random.default_rng(0).normal(size=(count, 6)) * ([0.01] * 3 + [0.1] * 3)
-    requests = TrialRequests(keys, exp(twists))
+    requests = planned(count)
     return requests, load_setups(requests, read_grasps())
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from graspcast.runtime.frame import Estimate, Frame
-from graspcast.runtime.nothing_sane import nothing_sane, placeholder_notes
+from graspcast.runtime.nothing_sane import left_out_notes, nothing_sane
 
 
 def test_what_is_wrong_is_said_of_each_estimator() -> None:
@@ -33,7 +33,7 @@ def test_placeholders_are_named_by_estimator() -> None:
             "c": [],
         }
     )
-    (note,) = placeholder_notes(frame)
+    (note,) = left_out_notes(frame)
     assert note.startswith("1 of 2 poses by a lie at the camera's centre") and "d-2" in note
 
 
@@ -41,7 +41,7 @@ def test_a_transposed_pose_is_no_placeholder() -> None:
     seen = np.eye(4)
     seen[2, 3] = 1.0
     frame = Frame({"a": [Estimate("d-1", seen.T)]})
-    assert placeholder_notes(frame) == []
+    assert left_out_notes(frame) == []
     found = nothing_sane(frame, (), lambda names: np.full(len(names), np.nan))
     assert "looks transposed" in found["d-1"]
 
@@ -63,12 +63,12 @@ def test_a_pose_given_twice_is_kept_once_with_the_higher_score() -> None:
         ("d-2", 1.0),
     ]
     assert frame.repeated == {"a": ["d-1"]}
-    (note,) = placeholder_notes(frame)
+    (note,) = left_out_notes(frame)
     assert note == "a gave 1 pose again, bit by bit, and each is judged once: d-1"
 
 
 def test_placeholders_are_no_repeats() -> None:
     frame = Frame({"a": [Estimate("d-1", np.eye(4))] * 2})
     assert len(frame) == 2 and not frame.repeated
-    (note,) = placeholder_notes(frame)
+    (note,) = left_out_notes(frame)
     assert note.startswith("2 of 2 poses by a lie at the camera's centre")

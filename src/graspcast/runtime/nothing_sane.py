@@ -13,7 +13,7 @@ from graspcast.io.wording import counted
 from graspcast.pose.sanity import is_placeholder, pose_problems
 from graspcast.runtime.frame import Frame
 
-__all__ = ["nothing_sane", "placeholder_notes"]
+__all__ = ["left_out_notes", "nothing_sane"]
 
 
 def nothing_sane(
@@ -43,7 +43,7 @@ def nothing_sane(
     return {name: no_estimate_by(tuple(said), said) for name, said in sorted(out.items())}
 
 
-def placeholder_notes(frame: Frame) -> list[str]:
+def left_out_notes(frame: Frame) -> list[str]:
     """Say of each estimator which placeholders and repeated poses it gave, or nothing."""
     out = [
         f"{estimator} gave {counted(len(named), 'pose')} again, bit by bit, and each is judged "

@@ -34,7 +34,7 @@ from graspcast.runtime.answer import Answer, Decision
 from graspcast.runtime.decisions import decision_of, without_pose
 from graspcast.runtime.frame import Frame
 from graspcast.runtime.judging import Judge
-from graspcast.runtime.nothing_sane import nothing_sane, placeholder_notes
+from graspcast.runtime.nothing_sane import left_out_notes, nothing_sane
 from graspcast.runtime.panel import Judged, Panel
 from graspcast.runtime.reach import check_reachable
 from graspcast.runtime.recording import frame_record
@@ -361,7 +361,7 @@ class Watcher:
         silent = [name for name in card.estimators if not frame.estimates.get(name)]
         if silent:
             yield f"no estimate by {', '.join(silent)} in this frame"
-        yield from placeholder_notes(frame)
+        yield from left_out_notes(frame)
         for d in decisions:
             if d.attempt and d.cam_T_grasp is None:
                 yield (
